@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Errors a user can read: one line that names the thing, what is wrong with it and what would work."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class MildError(Exception):
+    """Root of every error that mild_ros raises on purpose."""
+
+
+class SetupError(MildError):
+    """Something was set up wrongly: raised while constructing, ends the program with a non-zero exit.
+
+    Args:
+        thing: What is at fault, as the user named it (a parameter, a file, a model).
+        problem: What is wrong with it, with the evidence.
+        remedy: What would work.
+    """
+
+    def __init__(self, thing: str, problem: str, remedy: str) -> None:
+        self.thing, self.problem, self.remedy = thing, problem, remedy
+        super().__init__(" ".join(f"{thing}: {problem}; {remedy}".split()))
+
+
+class ModelError(SetupError):
+    """A model folder that cannot be trusted or does not fit."""
+
+
+class DatasetError(SetupError):
+    """A recording that cannot be read or does not hold what it should."""
+
+
+class BagError(SetupError):
+    """A bag that cannot be opened, read or written."""
+
+
+class DataError(MildError):
+    """One input that cannot be used. It never stops a node: it is counted by its reason and the robot holds.
+
+    Args:
+        reason: A short word that stays the same for the same fault, for counting (`"not_finite"`).
+        detail: What was seen, for the log.
+    """
+
+    def __init__(self, reason: str, detail: str) -> None:
+        self.reason, self.detail = reason, detail
+        super().__init__(f"{reason}: {detail}")
+
+
+def unknown_name(thing: str, name: str, known: Iterable[str]) -> SetupError:
+    """The error for a name that is in no table: lists the names that would have worked, the likeliest first."""
+    names = list(known)
+    close = get_close_matches(name, names, n=1)
+    hint = f"did you mean '{close[0]}'? " if close else ""
+    return SetupError(thing, f"'{name}' is unknown", f"{hint}use one of {', '.join(names) or '(none)'}")

@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The values that travel from a person's skeleton to a robot's command.
+
+    SkeletonFrame -> FeatureWindow -> MotionWindow -> JointCommand
+
+Each is immutable, its arrays are read-only float64, its stamp is in nanoseconds of the clock that stamped the
+skeleton, and its frame is named. Letters of shapes are in `shapes.py`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from mild_core.shapes import FloatArray, read_only, require_shape
+
+
+@dataclass(frozen=True, eq=False)
+class SkeletonFrame:
+    """One person as one tracker message shows them.
+
+    Attributes:
+        stamp_ns: When the camera saw it.
+        frame_id: The tf frame of the positions (REP-103 axes or the source's own; the source table says which).
+        person_id: The tracker's number for the person.
+        joint_names: J names of `perception.skeletons.JOINTS`.
+        positions_m: (J, 3) metres in `frame_id`; not checked for NaN here.
+        confidence: (J,) from 0 (guessed) to 1 (seen); 1 where the tracker gives none.
+    """
+
+    stamp_ns: int
+    frame_id: str
+    person_id: int
+    joint_names: tuple[str, ...]
+    positions_m: FloatArray
+    confidence: FloatArray
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "positions_m", read_only(self.positions_m))
+        object.__setattr__(self, "confidence", read_only(self.confidence))
+        require_shape("positions_m", self.positions_m, (len(self.joint_names), 3))
+        require_shape("confidence", self.confidence, (len(self.joint_names),))
+
+
+@dataclass(frozen=True, eq=False)
+class FeatureWindow:
+    """The observed agent's last W frames at the model's rate.
+
+    Attributes:
+        stamp_ns: Time of the newest row; at most one model period older than the newest skeleton.
+        frame_id: The arm frame: origin at the calibration shoulder, x forward, y left, z up.
+        joint_names: J names of the model's observed joints.
+        features: (W, D), oldest row first. D = 3 J: positions [m], joint by joint; D = 6 J: then velocities [m/s].
+    """
+
+    stamp_ns: int
+    frame_id: str
+    joint_names: tuple[str, ...]
+    features: FloatArray
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "features", read_only(self.features))
+        joints = len(self.joint_names)
+        if self.features.ndim != 2 or self.features.shape[1] not in (3 * joints, 6 * joints):
+            raise ValueError(f"features has shape {self.features.shape}, expected (W, {3 * joints} or {6 * joints})")
+
+
+@dataclass(frozen=True, eq=False)
+class MotionWindow:
+    """The controlled agent's next window of motion and how sure the model is of it.
+
+    Attributes:
+        stamp_ns: Stamp of the feature window it answers.
+        lead_ns: Time of row 0 less `stamp_ns`: positive when the model predicts ahead, negative when it predicts
+            the window that the human has just shown.
+        period_ns: Time between rows.
+        joint_names: J names of the controlled joints.
+        positions: (W, J) joint angles [rad], or (W, J, 3) the partner's arm [m] for a model of two people.
+        covariance: (J, J) of the joint angles averaged over the window [rad^2], or (3 J, 3 J) [m^2].
+        interaction: The recognised (or given) interaction; "" when unknown.
+        probability: Of that interaction, 0 to 1.
+        belief: (K,) over the components of that interaction's prior; sums to one.
+        phase: Expected progress through the interaction, 0 at its start to 1 at its end.
+        out_of_distribution: Distance of the human's motion from all that the model knows, in units of the largest
+            distance it should see: above 1 is unknown.
+    """
+
+    stamp_ns: int
+    lead_ns: int
+    period_ns: int
+    joint_names: tuple[str, ...]
+    positions: FloatArray
+    covariance: FloatArray
+    interaction: str
+    probability: float
+    belief: FloatArray
+    phase: float
+    out_of_distribution: float
+
+    def __post_init__(self) -> None:
+        for name in ("positions", "covariance", "belief"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+        tail = self.positions.shape[1:]
+        if tail not in ((len(self.joint_names),), (len(self.joint_names), 3)):
+            raise ValueError(f"positions has shape {self.positions.shape}, expected (W, J) or (W, J, 3)")
+        size = self.positions[0].size
+        require_shape("covariance", self.covariance, (size, size))
+        require_shape("belief", self.belief, (None,))
+
+
+@dataclass(frozen=True, eq=False)
+class JointMeasurement:
+    """Where the robot says it is.
+
+    Attributes:
+        stamp_ns: When it was measured.
+        joint_names: J names.
+        positions_rad: (J,).
+    """
+
+    stamp_ns: int
+    joint_names: tuple[str, ...]
+    positions_rad: FloatArray
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "positions_rad", read_only(self.positions_rad))
+        require_shape("positions_rad", self.positions_rad, (len(self.joint_names),))
+
+
+@dataclass(frozen=True, eq=False)
+class JointCommand:
+    """What the robot shall do now: inside every limit, continuous with the command before.
+
+    Attributes:
+        stamp_ns: When it is sent.
+        joint_names: J names, the robot's own order.
+        positions_rad: (J,).
+        velocities_rad_s: (J,).
+        mode: What retargeting was doing (`following`, `holding`, ...).
+        motion_stamp_ns: Stamp of the motion window behind it, 0 when there is none.
+    """
+
+    stamp_ns: int
+    joint_names: tuple[str, ...]
+    positions_rad: FloatArray
+    velocities_rad_s: FloatArray
+    mode: str = field(default="")
+    motion_stamp_ns: int = field(default=0)
+
+    def __post_init__(self) -> None:
+        for name in ("positions_rad", "velocities_rad_s"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+            require_shape(name, getattr(self, name), (len(self.joint_names),))
