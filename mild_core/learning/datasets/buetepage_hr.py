@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A person and an ABB YuMi: waving, shaking hands, and two fist bumps (Bütepage et al. 2020)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mild_core.errors import DatasetError
+from mild_core.learning.archive import REMEDY, read_archive
+from mild_core.learning.demonstration import Demonstration
+from mild_core.learning.recording import Demonstrations, Recording
+
+OBSERVED_COLUMNS, CONTROLLED_COLUMNS = 9, 7
+WRIST_COLUMN = 4
+"""Axis 4 of the arm, the fifth in kinematic order: the one whose recorded angle is off by a turn in hand_wave."""
+
+
+def read(path: Path) -> Demonstrations:
+    """Read `traj_data.npz`.
+
+    A frame has 16 columns: shoulder, elbow and hand of the person's right arm, x y z [m], then the seven joints of
+    YuMi's right arm [rad] in kinematic order (axes 1, 2, 7, 3, 4, 5, 6). In hand_wave the fifth joint is recorded
+    near -283 degrees and elsewhere between -22 and 133: the same pose a turn apart. A trial whose fifth joint lies
+    below -180 degrees gets 2 pi added to it, so angles, errors and averages here are all in the unwrapped space.
+    Frames that the publisher labels "not active" are kept and marked; the interaction of a trial is its other label.
+
+    Args:
+        path: The file.
+
+    Returns:
+        The publisher's training and test trials; a file may leave one of them empty.
+
+    Raises:
+        DatasetError: The file is not that, or a trial is malformed; names the trial.
+
+    Source: github.com/souljaboy764/phd_utils, data_preproc/buetepage_hr.
+    """
+    arrays = read_archive(path, ("train_data", "train_labels", "test_data", "test_labels"))
+    parts = []
+    for split in ("train", "test"):
+        tracks, labels = arrays[f"{split}_data"], arrays[f"{split}_labels"]
+        if len(tracks) != len(labels):
+            problem = f"has {len(tracks)} trials but {len(labels)} labels in split '{split}'"
+            raise DatasetError(f"recording '{path}'", problem, REMEDY)
+        parts.append(tuple(_trial(path, split, i, *pair) for i, pair in enumerate(zip(tracks, labels, strict=True))))
+    return Demonstrations(*parts)
+
+
+def _trial(path: Path, split: str, index: int, track: Any, labels: Any) -> Demonstration:
+    """One trial, checked."""
+    thing = f"trial {index} of split '{split}' in '{path}'"
+    track = _numbers(thing, "motion", track, OBSERVED_COLUMNS + CONTROLLED_COLUMNS)
+    labels = _numbers(thing, "labels", labels, len(BUETEPAGE_HR.interactions) + 1)
+    if len(labels) != len(track):
+        raise DatasetError(thing, f"has {len(track)} frames but {len(labels)} labels", REMEDY)
+    counts = (labels[:, :-1] > 0.5).sum(axis=0)
+    if not ((labels == 0) | (labels == 1)).all() or (labels.sum(axis=1) != 1).any() or np.count_nonzero(counts) != 1:
+        raise DatasetError(thing, "its labels do not name one interaction, one-hot in each frame", REMEDY)
+    controlled = track[:, OBSERVED_COLUMNS:].copy()
+    if np.median(controlled[:, WRIST_COLUMN]) < -np.pi:
+        controlled[:, WRIST_COLUMN] += 2 * np.pi
+    return Demonstration(
+        trial=index,
+        interaction=BUETEPAGE_HR.interactions[int(counts.argmax())],
+        rate_hz=BUETEPAGE_HR.rate_hz,
+        observed_names=BUETEPAGE_HR.observed_names,
+        observed_m=track[:, :OBSERVED_COLUMNS].reshape(len(track), -1, 3),
+        controlled_names=BUETEPAGE_HR.controlled_names,
+        controlled=controlled,
+        active=1.0 - labels[:, -1],
+    )
+
+
+def _numbers(thing: str, what: str, values: Any, columns: int) -> NDArray[np.float64]:
+    """`values` as (T, columns) finite numbers, T at least 2."""
+    if not isinstance(values, np.ndarray) or values.dtype.kind not in "iufb":
+        raise DatasetError(thing, f"its {what} is no array of numbers", REMEDY)
+    if values.ndim != 2 or values.shape[1] != columns:
+        raise DatasetError(thing, f"its {what} has shape {values.shape}, expected (frames, {columns})", REMEDY)
+    if len(values) < 2:
+        raise DatasetError(thing, f"its {what} has {len(values)} frames", "leave the trial out")
+    if not np.isfinite(values).all():
+        frame = int(np.flatnonzero(~np.isfinite(values).all(axis=1))[0])
+        raise DatasetError(thing, f"its {what} is not finite in frame {frame}", "leave the trial out, or repair it")
+    return values.astype(np.float64)
+
+
+BUETEPAGE_HR = Recording(
+    name="buetepage_hr",
+    title="Bütepage et al.: a person and a YuMi robot",
+    file="buetepage_hr/traj_data.npz",
+    rate_hz=40.0,
+    interactions=("hand_wave", "handshake", "rocket", "parachute"),
+    observed_names=("shoulder", "elbow", "hand"),
+    observed_side="right",
+    robot="yumi",
+    controlled_names=tuple(f"yumi_joint_{axis}_r" for axis in (1, 2, 7, 3, 4, 5, 6)),
+    licence="the repository that publishes this form is GPL-3.0; the original recordings state no licence",
+    source="J. Bütepage, A. Ghadirzadeh, Ö. Öztimur Karadağ, M. Björkman, D. Kragic: Imitating by Generating, "
+    "Frontiers in Robotics and AI 2020 (github.com/jbutepage/human_robot_interaction_data), as published in "
+    "github.com/souljaboy764/phd_utils, data_preproc/buetepage_hr",
+    read=read,
+)

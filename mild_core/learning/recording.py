@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is known of a published recording before it is read, and what comes of reading it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from mild_core.errors import unknown_name
+from mild_core.learning.demonstration import Demonstration
+
+SPLITS = ("train", "test")
+
+
+@dataclass(frozen=True)
+class Demonstrations:
+    """The trials of a recording as its publishers split them; either part may be empty."""
+
+    train: tuple[Demonstration, ...]
+    test: tuple[Demonstration, ...]
+
+    def split(self, name: str) -> tuple[Demonstration, ...]:
+        """The trials of split `name`.
+
+        Raises:
+            SetupError: `name` is not one of `SPLITS`.
+        """
+        if name not in SPLITS:
+            raise unknown_name("split", name, SPLITS)
+        return self.train if name == "train" else self.test
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One published recording.
+
+    Attributes:
+        name: Its name in `DATASETS`.
+        title: For people.
+        file: Where it lies below the data folder.
+        rate_hz: Frames per second.
+        interactions: Their names, in the order of its labels.
+        observed_names: Observed joints, from the shoulder outwards.
+        observed_side: "right" or "left" arm of the person.
+        robot: Name in `retargeting.robots.ROBOTS`; "" when the controlled agent is a second person.
+        controlled_names: Controlled joints in the order of the recorded columns.
+        licence: What is known of it.
+        source: Who recorded it and where it is published.
+        read: From the file to demonstrations; raises DatasetError.
+    """
+
+    name: str
+    title: str
+    file: str
+    rate_hz: float
+    interactions: tuple[str, ...]
+    observed_names: tuple[str, ...]
+    observed_side: str
+    robot: str
+    controlled_names: tuple[str, ...]
+    licence: str
+    source: str
+    read: Callable[[Path], Demonstrations]
+
+    def default_path(self) -> Path:
+        """Below $MILD_DATA, or beside the checkout where developers keep shared data."""
+        return Path(os.environ.get("MILD_DATA") or "../shared/data") / self.file
