@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`MotionWindow` as two messages with the same stamp: what to do, and how sure the model is of it.
+
+`motion` is a `trajectory_msgs/JointTrajectory` that any ROS tool can read; the time of each point counts from the
+stamp and is negative for frames that lie before it. `motion_state` is a `sensor_msgs/PointCloud2` with one point:
+interaction (its place in the model's list, -1 when unknown), probability, phase, out_of_distribution, lead and
+period [ns], belief_0 ..., covariance_0 ... row by row. The interaction's name is its frame_id.
+"""
+
+from __future__ import annotations
+
+import array
+from typing import Any
+
+import numpy as np
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Header
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from mild_core.errors import DataError
+from mild_core.shapes import FloatArray
+from mild_core.signals import MotionWindow
+from mild_ros.messages.point_cloud import array_from_msg, array_to_msg
+from mild_ros.messages.stamps import duration_to_msg, ns_from_msg, time_to_msg
+
+SCALARS = ("interaction", "probability", "phase", "out_of_distribution", "lead_ns", "period_ns")
+
+
+def motion_to_msg(motion: MotionWindow) -> JointTrajectory:
+    """The joint angles [rad] of a motion of joints."""
+    message = JointTrajectory(header=Header(stamp=time_to_msg(motion.stamp_ns)))
+    message.joint_names = list(motion.joint_names)
+    message.points = [
+        JointTrajectoryPoint(
+            positions=array.array("d", row.tobytes()),
+            time_from_start=duration_to_msg(motion.lead_ns + index * motion.period_ns),
+        )
+        for index, row in enumerate(motion.positions)
+    ]
+    return message
+
+
+def motion_state_to_msg(motion: MotionWindow, interactions: tuple[str, ...]) -> PointCloud2:
+    """All the rest of a motion; `interactions` are the model's, in its order."""
+    known = motion.interaction in interactions
+    scalars = [interactions.index(motion.interaction) if known else -1, motion.probability, motion.phase]
+    scalars += [motion.out_of_distribution, motion.lead_ns, motion.period_ns]
+    values = np.concatenate([np.array(scalars, dtype=np.float64), motion.belief, motion.covariance.ravel()])
+    names = SCALARS + _numbered("belief", motion.belief.size) + _numbered("covariance", motion.covariance.size)
+    header = Header(stamp=time_to_msg(motion.stamp_ns), frame_id=motion.interaction)
+    return array_to_msg(values[None, None, :], names, header)
+
+
+def motion_from_msgs(motion: Any, state: Any) -> MotionWindow:
+    """The motion in a pair of messages with equal stamps.
+
+    Raises:
+        DataError: `wrong_layout` when they are not such a pair, or rows differ in length.
+    """
+    joint_names = tuple(str(name) for name in motion.joint_names)
+    stamp_ns = ns_from_msg(motion.header.stamp)
+    values, names = array_from_msg(state)
+    beliefs = sum(name.startswith("belief_") for name in names)
+    expected = SCALARS + _numbered("belief", beliefs) + _numbered("covariance", len(joint_names) ** 2)
+    if values.shape[:2] != (1, 1) or names != expected or ns_from_msg(state.header.stamp) != stamp_ns:
+        raise DataError("wrong_layout", f"motion of {len(joint_names)} joints with a state of {len(names)} fields")
+    _, probability, phase, out_of_distribution, lead, period = values[0, 0, : len(SCALARS)].tolist()
+    belief, covariance = np.split(values[0, 0, len(SCALARS) :], [beliefs])
+    return MotionWindow(
+        stamp_ns=stamp_ns,
+        lead_ns=int(lead),
+        period_ns=int(period),
+        joint_names=joint_names,
+        positions=_positions(motion.points, len(joint_names)),
+        covariance=covariance.reshape(len(joint_names), len(joint_names)),
+        interaction=str(state.header.frame_id),
+        probability=probability,
+        belief=belief,
+        phase=phase,
+        out_of_distribution=out_of_distribution,
+    )
+
+
+def _positions(points: Any, joints: int) -> FloatArray:
+    rows = [np.asarray(point.positions, dtype=np.float64) for point in points]
+    if not rows or any(row.size != joints for row in rows):
+        raise DataError("wrong_layout", f"a trajectory without a position for each of its {joints} joints")
+    return np.stack(rows)
+
+
+def _numbered(name: str, count: int) -> tuple[str, ...]:
+    return tuple(f"{name}_{index}" for index in range(count))
