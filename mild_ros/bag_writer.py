@@ -1,0 +1,206 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Writing an mcap bag so that a kill or a full disk costs at most the last second.
+
+rosbags writes the records; this adds what a recording robot needs: chunks go to the disk at every flush, a write
+that fails half way is cut off again, and a reserve of disk space is kept for a proper ending.
+"""
+
+from __future__ import annotations
+
+import errno
+import io
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from rosbags.interfaces import Connection, Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer, WriterError
+from rosbags.rosbag2.storage_mcap import McapWriter
+
+from mild_core.errors import BagError
+from mild_ros.bags import jazzy_types
+
+RESERVE_BYTES = 3 * 2**20
+"""Room for the chunk in memory (at most 1 MiB and one message) and the index: kept free for the ending."""
+
+_FOREVER = QosTime(2147483647, 4294967295)
+
+
+class BagWriter:
+    """A new bag in mcap with zstd; made by `create_bag`.
+
+    Attributes:
+        path: Its folder.
+        counts: Messages written by topic.
+    """
+
+    def __init__(self, path: Path, *, durable: bool) -> None:
+        self.path = path
+        self.counts: dict[str, int] = {}
+        self._connections: dict[str, Connection] = {}
+        self._writer = Writer(path, version=9, storage_plugin=StoragePlugin.MCAP)
+        self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+        self._writer.open()
+        storage = self._writer.storage
+        assert isinstance(storage, McapWriter)
+        self._storage = storage
+        self._file = _WholeWrites(storage.path, storage.bio)
+        storage.bio = self._file  # type: ignore[assignment] # a binary file as good as the one it replaces
+        self._whole = self._file.tell()
+        self._open = True
+        self._reserve = path / ".reserve"
+        if durable:
+            with self._reserve.open("wb") as reserve:
+                os.posix_fallocate(reserve.fileno(), 0, RESERVE_BYTES)
+
+    def add_topic(self, topic: str, type_name: str, *, transient_local: bool = False) -> None:
+        """Announce a topic; `write` does it by itself for topics of the usual kind."""
+        if topic in self._connections:
+            return
+        qos = Qos(
+            QosHistory.KEEP_LAST,
+            10,
+            QosReliability.RELIABLE,
+            QosDurability.TRANSIENT_LOCAL if transient_local else QosDurability.VOLATILE,
+            _FOREVER,
+            _FOREVER,
+            QosLiveliness.AUTOMATIC,
+            _FOREVER,
+            False,
+        )
+        self._connections[topic] = self._writer.add_connection(
+            topic, type_name, typestore=jazzy_types(), offered_qos_profiles=[qos]
+        )
+        self.counts[topic] = 0
+
+    def write(self, topic: str, type_name: str, time_ns: int, data: bytes) -> None:
+        """Add one message as CDR bytes.
+
+        Raises:
+            BagError: The disk refused it; the bag has been ended with what it had.
+        """
+        self.add_topic(topic, type_name)
+        with self._or_rescue():
+            self._writer.write(self._connections[topic], time_ns, data)
+            self.counts[topic] += 1
+
+    def flush(self) -> None:
+        """Bring everything so far to the disk as one whole chunk: a kill after this loses none of it.
+
+        Raises:
+            BagError: As for `write`.
+        """
+        with self._or_rescue():
+            if self._storage.chunk.bio.tell():
+                self._storage.close_chunk()
+            os.fsync(self._file.fileno())
+            self._whole = self._file.tell()
+
+    def close(self) -> None:
+        """End the bag with its index and metadata; does nothing the second time.
+
+        Raises:
+            BagError: As for `write`.
+        """
+        if not self._open:
+            return
+        self._reserve.unlink(missing_ok=True)
+        with self._or_rescue():
+            self._writer.close()
+            self._open = False
+
+    @contextmanager
+    def _or_rescue(self) -> Iterator[None]:
+        """Turn a disk's refusal into one line, after saving what can be saved."""
+        try:
+            yield
+        except OSError as error:
+            kept = self._rescue()
+            total = sum(self.counts.values())
+            what = f"the first {total} messages are kept" if kept else "what was flushed is kept, --salvage reads it"
+            remedy = f"{what}; make room and record again"
+            raise BagError(str(self.path), f"{_reason(error)} while writing", remedy) from None
+
+    def _rescue(self) -> bool:
+        """Cut off the half-written record and end the bag in the reserved space; False when that fails too."""
+        self._open = False
+        self._reserve.unlink(missing_ok=True)
+        try:
+            self._file.cut(self._whole)
+            self._writer.close()
+        except OSError:
+            with suppress(OSError):
+                self._file.cut(self._whole)
+            with suppress(OSError):
+                self._file.close()
+            (self.path / "metadata.yaml.tmp").unlink(missing_ok=True)
+            return False
+        return True
+
+
+@contextmanager
+def create_bag(path: Path | str, *, durable: bool = False) -> Iterator[BagWriter]:
+    """Write a new bag; it is ended properly however the block is left.
+
+    Args:
+        path: The folder to make; must not exist.
+        durable: Keep disk space in reserve for a proper ending on a full disk (for live recording).
+
+    Raises:
+        BagError: The folder exists or cannot be made, or the disk is full; what was written is kept.
+    """
+    path = Path(path)
+    if path.exists():
+        raise BagError(str(path), "exists already", "choose a new folder or remove this one")
+    try:
+        writer = BagWriter(path, durable=durable)
+    except (OSError, WriterError) as error:
+        raise BagError(str(path), f"cannot be written ({_reason(error)})", "check the folder and the disk") from None
+    try:
+        yield writer
+    finally:
+        writer.close()
+
+
+def _reason(error: Any) -> str:
+    if isinstance(error, OSError):
+        return "the disk is full" if error.errno in (errno.ENOSPC, errno.EDQUOT) else str(error.strerror)
+    return str(error)
+
+
+class _WholeWrites(io.RawIOBase):
+    """An unbuffered file whose `write` either writes all or raises, so that the file's length is always known."""
+
+    def __init__(self, path: Path, replaced: Any) -> None:
+        super().__init__()
+        replaced.close()
+        self._raw = path.open("r+b", buffering=0)
+        self._raw.seek(0, os.SEEK_END)
+
+    def write(self, data: Any) -> int:
+        """Write all of `data`."""
+        view = memoryview(data).cast("B")
+        done = 0
+        while done < len(view):
+            done += self._raw.write(view[done:]) or 0
+        return done
+
+    def tell(self) -> int:
+        """Position, which is the length."""
+        return self._raw.tell()
+
+    def fileno(self) -> int:
+        """The descriptor, for fsync."""
+        return self._raw.fileno()
+
+    def cut(self, length: int) -> None:
+        """Forget everything after `length` bytes."""
+        self._raw.truncate(length)
+        self._raw.seek(length)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._raw.close()
+        super().close()

@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reading bags without ROS: any rosbag2 (mcap, sqlite3, zstd), and one readable line when one is broken.
+
+A bag comes from anywhere, so everything that a reader may throw on foreign bytes ends here as a `BagError`.
+Writing lives in `bag_writer.py`, what can be saved of a broken bag in `salvage.py`.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
+from ruamel.yaml import YAML
+
+from mild_core.errors import BagError, DataError
+from mild_ros.salvage import readable_parts
+
+SALVAGE = "add --salvage to read what is left of it"
+
+
+@dataclass(frozen=True)
+class TopicSummary:
+    """One topic of a bag: its message type, e.g. `sensor_msgs/msg/JointState`, and how many messages it holds."""
+
+    type_name: str
+    count: int
+
+
+@dataclass(frozen=True)
+class RawMessage:
+    """One message as it was recorded: topic, type, time of receipt [ns], and the exact CDR bytes."""
+
+    topic: str
+    type_name: str
+    time_ns: int
+    data: bytes
+
+
+@cache
+def jazzy_types() -> Typestore:
+    """All message types of ROS 2 Jazzy, for reading and writing messages without ROS."""
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+class BagReader:
+    """An open bag; made by `open_bag`.
+
+    Attributes:
+        path: The folder or file that was opened.
+        topics: What is in it.
+        salvaged: True when the bag is broken and this is what could be saved of it.
+        ended_early: Why reading stopped before the end, in salvage only; "" when it did not.
+    """
+
+    def __init__(self, path: Path, reader: AnyReader, salvaged: bool) -> None:
+        self.path = path
+        self.salvaged = salvaged
+        self.ended_early = ""
+        self._reader = reader
+        self.topics: Mapping[str, TopicSummary] = {
+            topic: TopicSummary(info.msgtype or "(several types)", info.msgcount)
+            for topic, info in reader.topics.items()
+        }
+
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[RawMessage]:
+        """Messages in order of receipt, of `topics` only when given.
+
+        Raises:
+            BagError: The bag breaks off, or holds fewer or more messages than its metadata says.
+        """
+        wanted = [c for c in self._reader.connections if topics is None or c.topic in topics]
+        if not wanted:
+            return
+        expected, seen = sum(c.msgcount for c in wanted), 0
+        source = self._reader.messages(connections=wanted)
+        while True:
+            try:
+                connection, time_ns, data = next(source)
+            except StopIteration:
+                break
+            except Exception as error:  # any failure on foreign bytes is the bag's fault, whatever its class
+                if not self.salvaged:
+                    raise BagError(
+                        str(self.path), f"breaks off after {seen} messages ({_why(error)})", SALVAGE
+                    ) from None
+                self.ended_early = _why(error)
+                return
+            seen += 1
+            yield RawMessage(connection.topic, connection.msgtype, time_ns, bytes(data))
+        if seen != expected and not self.salvaged:
+            raise BagError(str(self.path), f"holds {seen} messages where {expected} are announced", SALVAGE)
+
+    def decode(self, raw: RawMessage) -> Any:
+        """The message itself: attributes as in ROS, arrays as NumPy.
+
+        Raises:
+            DataError: `undecodable` when the bytes do not hold a message of that type.
+        """
+        try:
+            return self._reader.deserialize(raw.data, raw.type_name)
+        except Exception as error:  # as above: foreign bytes
+            raise DataError("undecodable", f"{raw.topic} at {raw.time_ns}: {_why(error)}") from None
+
+
+@contextmanager
+def open_bag(path: Path | str, *, salvage: bool = False) -> Iterator[BagReader]:
+    """Open a rosbag2: a folder with metadata.yaml, or one .mcap or .db3 file.
+
+    Args:
+        path: The bag.
+        salvage: Read what is readable of a bag that is truncated or has lost its metadata.
+
+    Raises:
+        BagError: There is no bag, or it is broken (and `salvage` does not help).
+    """
+    path = Path(path)
+    if not path.exists():
+        raise BagError(str(path), "there is no such bag", "give the folder of a bag (it holds metadata.yaml) or a file")
+    with ExitStack() as stack:
+        parts = [path]
+        if salvage:
+            parts = readable_parts(path, Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="mild_salvage_"))))
+        else:
+            _check_folder(path)
+        try:
+            reader = AnyReader(parts, default_typestore=jazzy_types())
+            reader.open()
+        except Exception as error:  # rosbags raises many classes here, its own and raw ones
+            raise BagError(str(path), f"cannot be read as a bag ({_why(error)})", _remedy(salvage)) from None
+        stack.callback(reader.close)
+        if not salvage:
+            _check_counts(path, reader)
+        yield BagReader(path, reader, salvage)
+
+
+def topic_of_type(reader: BagReader, type_name: str, wanted: str = "") -> str:
+    """The topic to read: `wanted` if the bag has it, otherwise the only one of that type.
+
+    Raises:
+        BagError: `wanted` is not in the bag, or several topics or none would do.
+    """
+    found = sorted(topic for topic, summary in reader.topics.items() if summary.type_name == type_name)
+    names = {topic.strip("/"): topic for topic in reader.topics}
+    if wanted.strip("/") in names:
+        return names[wanted.strip("/")]
+    listing = ", ".join(sorted(reader.topics)) or "no topic at all"
+    if len(found) == 1:
+        return found[0]
+    if found:
+        raise BagError(str(reader.path), f"has several topics of {type_name}", f"name one of {', '.join(found)}")
+    raise BagError(str(reader.path), f"has no topic of {type_name}, but {listing}", "choose another bag or source")
+
+
+def _check_folder(path: Path) -> None:
+    """Refuse a folder whose metadata is missing, unreadable or points out of the bag."""
+    if not path.is_dir():
+        if path.suffix not in (".mcap", ".db3"):
+            raise BagError(str(path), "is no bag", "give a folder with metadata.yaml, or a .mcap or .db3 file")
+        return
+    file = path / "metadata.yaml"
+    if not file.exists():
+        storage = any(path.glob("*.mcap*")) or any(path.glob("*.db3*"))
+        remedy = SALVAGE if storage else "give the folder that `ros2 bag record` or `mild_ros record` wrote"
+        raise BagError(str(path), "has no metadata.yaml", remedy)
+    try:
+        listed = YAML(typ="safe").load(file.read_text())["rosbag2_bagfile_information"]["relative_file_paths"]
+        names = [PurePosixPath(str(name)) for name in listed]
+    except Exception as error:  # a file that anybody may have written
+        raise BagError(str(file), f"is not the metadata of a bag ({_why(error)})", SALVAGE) from None
+    for name in names:
+        if name.is_absolute() or ".." in name.parts or (path / name.name).is_symlink():
+            raise BagError(str(file), f"points outside the bag ({name})", "do not trust this bag")
+
+
+def _check_counts(path: Path, reader: AnyReader) -> None:
+    """Compare what metadata.yaml announces with what the storage files say of themselves."""
+    for part in reader.readers:
+        storages = getattr(getattr(part, "storage", None), "storages", [])
+        stored = sum(storage.metadata.message_count for storage in storages)
+        if storages and stored != part.message_count:
+            said = f"metadata.yaml announces {part.message_count} messages, its files hold {stored}"
+            raise BagError(str(path), said, SALVAGE)
+
+
+def _remedy(salvage: bool) -> str:
+    return "nothing readable is left; record it again" if salvage else SALVAGE
+
+
+def _why(error: Exception) -> str:
+    """The first line of an error, without the machine's own paths in it."""
+    text = (str(error).strip().splitlines() or [""])[0].rstrip(".")
+    return text or type(error).__name__

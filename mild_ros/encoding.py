@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""CDR bytes of a message that are the same every time.
+
+rclpy's own serialisation pads with whatever was in memory, so its bytes cannot be compared or hashed. This walks
+the fields of a message (an rclpy or a rosbags one: only attributes are read) and lets rosbags write them.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from rosbags.interfaces import Nodetype
+
+from mild_ros.bags import jazzy_types
+
+_BYTE_NAMES = ("byte", "char", "octet")
+
+
+def type_name_of(message: Any) -> str:
+    """The name of a message's type as bags write it, e.g. `sensor_msgs/msg/JointState`."""
+    named = getattr(message, "__msgtype__", None)
+    if named:
+        return str(named)
+    package, kind = type(message).__module__.split(".")[:2]
+    return f"{package}/{kind}/{type(message).__name__}"
+
+
+def encode(message: Any) -> bytes:
+    """The CDR bytes of `message`, equal for equal messages."""
+    name = type_name_of(message)
+    return bytes(jazzy_types().serialize_cdr(_rebuilt(message, name), name))
+
+
+def _rebuilt(message: Any, type_name: str) -> Any:
+    """The same message in rosbags' own class."""
+    types = jazzy_types()
+    _, fields = types.fielddefs[type_name]
+    values = {name: _value(getattr(message, name), kind) for name, kind in fields}
+    return types.types[type_name](**values)
+
+
+def _value(value: Any, kind: Any) -> Any:
+    node, detail = kind
+    if node is Nodetype.NAME:
+        return _rebuilt(value, detail)
+    if node is Nodetype.BASE:
+        return value[0] if isinstance(value, bytes) else value
+    element, name = detail[0]
+    if element is Nodetype.BASE and name[0] != "string":
+        return np.asarray(value, dtype="uint8" if name[0] in _BYTE_NAMES else name[0])
+    return [_value(item, detail[0]) for item in value]
