@@ -3,8 +3,9 @@
 
 from pathlib import Path
 
-from setuptools import find_packages, setup
-from setuptools.command.install_data import install_data
+from setuptools import find_packages, setup  # first: it brings distutils where Python no longer has it
+
+from distutils.command.install_data import install_data  # isort: skip
 
 NODES = ("perception", "inference", "retargeting", "pipeline", "simulation", "replay", "record")
 SHARE = "share/mild_ros"
