@@ -1,1 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
+"""From a predicted motion to joint commands that a robot can carry out."""

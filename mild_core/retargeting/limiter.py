@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Motion inside velocity, acceleration and jerk limits, time-optimal, for any time step.
+
+Each call plans from the current position, velocity and acceleration and samples the plan once, so that nothing
+but these three numbers per joint is carried from step to step. Position limits are kept by whoever gives the
+target: every plan ends at rest in its target, so a plan that starts on another such plan stays between them.
+
+Source: L. Berscheid, T. Kroeger, "Jerk-limited Real-time Trajectory Generation with Arbitrary Target States",
+RSS 2021 (ruckig, community version).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ruckig import (  # type: ignore[import-not-found]
+    ControlInterface,
+    InputParameter,
+    Result,
+    Ruckig,
+    RuckigError,
+    Synchronization,
+    Trajectory,
+)
+
+from mild_core.errors import MildError
+from mild_core.shapes import FloatArray
+
+Joints = tuple[float, ...]
+"""One number per joint."""
+
+ROUNDING = 1e-9
+"""Below this an angle [rad], a speed or an acceleration is what rounding left over: no encoder sees it."""
+
+
+class NoPlanError(MildError):
+    """The planner found no way from a motion to its target."""
+
+
+@dataclass(frozen=True)
+class JointMotion:
+    """Where J joints are and how they move: all that a plan needs to go on without a jump.
+
+    Attributes:
+        position_rad: J values.
+        velocity_rad_s: J values.
+        acceleration_rad_s2: J values.
+    """
+
+    position_rad: Joints
+    velocity_rad_s: Joints
+    acceleration_rad_s2: Joints
+
+    @staticmethod
+    def at_rest(position_rad: Joints) -> JointMotion:
+        """Standing at `position_rad`."""
+        zero = (0.0,) * len(position_rad)
+        return JointMotion(position_rad, zero, zero)
+
+    @property
+    def resting(self) -> bool:
+        """Whether no joint moves."""
+        return max(map(abs, (*self.velocity_rad_s, *self.acceleration_rad_s2))) < ROUNDING
+
+
+class Limiter:
+    """Plans for J joints under one set of limits.
+
+    Args:
+        velocity_rad_s: (J,) largest speeds.
+        acceleration_rad_s2: (J,) largest accelerations.
+        jerk_rad_s3: (J,) largest jerks.
+    """
+
+    def __init__(self, velocity_rad_s: FloatArray, acceleration_rad_s2: FloatArray, jerk_rad_s3: FloatArray) -> None:
+        joints = len(velocity_rad_s)
+        self._planner = Ruckig(joints)
+        self._plan = Trajectory(joints)
+        self._reach, self._stop = InputParameter(joints), InputParameter(joints)
+        for problem in (self._reach, self._stop):
+            problem.max_velocity = velocity_rad_s.tolist()
+            problem.max_acceleration = acceleration_rad_s2.tolist()
+            problem.max_jerk = jerk_rad_s3.tolist()
+            problem.target_velocity = problem.target_acceleration = [0.0] * joints
+            # A slow joint must not delay a quick one, and a stretched plan might swing out on its far side.
+            problem.synchronization = Synchronization.No
+        self._stop.control_interface = ControlInterface.Velocity
+
+    def toward(self, motion: JointMotion, target_rad: Joints, dt_s: float) -> JointMotion:
+        """`motion` after `dt_s` on the fastest way to rest in `target_rad`.
+
+        Raises:
+            NoPlanError: There is no plan; finite input inside the limits always has one.
+        """
+        away = max(abs(target - position) for target, position in zip(target_rad, motion.position_rad, strict=True))
+        if motion.resting and away < ROUNDING:
+            return JointMotion.at_rest(motion.position_rad)
+        self._reach.target_position = target_rad
+        return self._sampled(self._reach, motion, dt_s)
+
+    def stop(self, motion: JointMotion, dt_s: float) -> JointMotion:
+        """`motion` after `dt_s` on the fastest way to rest anywhere.
+
+        Raises:
+            NoPlanError: There is no plan; finite input inside the limits always has one.
+        """
+        if motion.resting:
+            return JointMotion.at_rest(motion.position_rad)
+        return self._sampled(self._stop, motion, dt_s)
+
+    def resting_place(self, motion: JointMotion) -> Joints:
+        """Where `motion` comes to rest if stopped now: J positions [rad].
+
+        Raises:
+            NoPlanError: There is no plan; finite input inside the limits always has one.
+        """
+        # Longer than any stop lasts: a plan stays in its last state after its end.
+        return self.stop(motion, 1e3).position_rad
+
+    def _sampled(self, problem: InputParameter, motion: JointMotion, dt_s: float) -> JointMotion:
+        problem.current_position = motion.position_rad
+        problem.current_velocity = motion.velocity_rad_s
+        problem.current_acceleration = motion.acceleration_rad_s2
+        try:
+            result = self._planner.calculate(problem, self._plan)
+        except RuckigError as error:
+            raise NoPlanError(str(error).strip()) from error
+        if result not in (Result.Working, Result.Finished):
+            raise NoPlanError(f"{result}")
+        position, velocity, acceleration = self._plan.at_time(dt_s)
+        return JointMotion(tuple(position), tuple(velocity), tuple(acceleration))

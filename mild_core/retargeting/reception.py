@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What retargeting makes of an input before any command: taken into the state, or refused by a counted reason."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mild_core.errors import DataError
+from mild_core.retargeting.limiter import JointMotion
+from mild_core.retargeting.modes import Mode
+from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.settings import RetargetingSettings
+from mild_core.retargeting.state import Request, RetargetingState
+from mild_core.retargeting.target import checked_plan
+from mild_core.signals import JointMeasurement, MotionWindow
+
+OUTSIDE_RAD = 0.02
+"""A measured pose may lie this far outside the position limits: a robot that leans on its end stop."""
+
+OUT_OF_DISTRIBUTION = 1.0
+"""Above this score a motion is unknown to the model; source: `MotionWindow.out_of_distribution`."""
+
+REFUSING = {Mode.WAITING: "no_joint_states", Mode.DISABLED: "not_enabled"}
+"""Modes in which no motion is taken, with the reason that is counted."""
+
+
+def take_motion(
+    state: RetargetingState, given: MotionWindow, robot: RobotModel, settings: RetargetingSettings, now_ns: int
+) -> RetargetingState:
+    """The state after a motion window; its outcome is `accepted`, `unknown` or why the window was refused."""
+    if state.mode in REFUSING:
+        return state.ended(REFUSING[state.mode])
+    try:
+        plan = checked_plan(given, robot.joint_names, now_ns)
+    except DataError as error:
+        return state.ended(error.reason)
+    age_s = (now_ns - given.stamp_ns) * 1e-9
+    if age_s > settings.max_age_s:
+        return state.ended("too_old")
+    if age_s < -settings.max_future_s:
+        return state.ended("from_future")
+    if state.plan is not None and given.stamp_ns < state.plan.stamp_ns:
+        return state.ended("out_of_order")
+    # To start asks for more than to go on, so that a score near the bound does not flicker between the two.
+    bound = OUT_OF_DISTRIBUTION if state.mode is Mode.FOLLOWING else settings.known_below
+    if not given.interaction or given.out_of_distribution > bound:
+        since_ns = now_ns if state.unknown_since_ns is None else state.unknown_since_ns
+        return replace(state, unknown_since_ns=since_ns).ended("unknown")
+    return replace(state, plan=plan, unknown_since_ns=None).ended("accepted")
+
+
+def take_measurement(
+    state: RetargetingState, given: JointMeasurement, robot: RobotModel, settings: RetargetingSettings, now_ns: int
+) -> RetargetingState:
+    """The state after the robot said where it is; its outcome is `measured` or why the measurement was refused.
+
+    The first one ends `waiting`. While disabled and at rest the command follows the robot. Otherwise it is watched
+    for the robot being elsewhere than commanded.
+    """
+    places = {name: place for place, name in enumerate(given.joint_names)}
+    if any(name not in places for name in robot.joint_names):
+        return state.ended("joints_missing")
+    measured = given.positions_rad[[places[name] for name in robot.joint_names]]
+    if not np.isfinite(measured).all():
+        return state.ended("not_finite")
+    inside = np.minimum(np.maximum(measured, robot.lower_rad), robot.upper_rad)
+    if np.abs(measured - inside).max() > OUTSIDE_RAD:
+        return state.ended("outside_limits")
+    state = replace(state, measured_rad=tuple(inside.tolist()))
+    if state.motion is None or (state.mode is Mode.DISABLED and state.motion.resting):
+        mode = Mode.IDLE if state.mode is Mode.WAITING else state.mode
+        state = replace(state, mode=mode, displaced=False, displaced_since_ns=None)
+        return replace(state, motion=JointMotion.at_rest(state.measured_rad)).ended("measured")
+    return _watch_displacement(state, state.motion, settings, now_ns).ended("measured")
+
+
+def _watch_displacement(
+    state: RetargetingState, motion: JointMotion, settings: RetargetingSettings, now_ns: int
+) -> RetargetingState:
+    pairs = zip(state.measured_rad, motion.position_rad, strict=True)
+    away_rad = max(abs(measured - commanded) for measured, commanded in pairs)
+    if state.displaced:
+        # Half the bound, so that a robot at the bound does not flicker between the two.
+        if away_rad > 0.5 * settings.displaced_rad:
+            return state
+        return replace(state, displaced=False, displaced_since_ns=None, holding_since_ns=now_ns)
+    if away_rad <= settings.displaced_rad:
+        return replace(state, displaced_since_ns=None)
+    since_ns = now_ns if state.displaced_since_ns is None else state.displaced_since_ns
+    state = replace(state, displaced_since_ns=since_ns)
+    if (now_ns - since_ns) * 1e-9 < settings.displaced_after_s:
+        return state
+    return replace(state, displaced=True).counted("displaced")
+
+
+def take_request(state: RetargetingState, given: Request, now_ns: int) -> RetargetingState:
+    """The state after an operator's request; its outcome is `enabled`, `disabled` or `reset`."""
+    waiting = state.motion is None
+    if given.kind == "enable":
+        mode = (Mode.WAITING if waiting else Mode.IDLE) if state.mode is Mode.DISABLED else state.mode
+        return replace(state, mode=mode).ended("enabled")
+    state = replace(state, plan=None, ramp=None, unknown_since_ns=None, holding_since_ns=now_ns)
+    if given.kind == "disable":
+        return replace(state, mode=Mode.DISABLED).ended("disabled")
+    kept = state.mode is Mode.DISABLED or waiting
+    return replace(state, mode=state.mode if kept else Mode.HOLDING, displaced=False, displaced_since_ns=None).ended(
+        "reset"
+    )

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What retargeting and simulation need to know of a robot: names, limits, poses and where its description lies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from mild_core.shapes import FloatArray, read_only, require_shape
+
+
+@dataclass(frozen=True, eq=False)
+class RobotModel:
+    """One arm of a robot that follows a person; J controlled joints in kinematic order, base to tool.
+
+    Attributes:
+        name: The name in the table `ROBOTS`.
+        joint_names: J names as in the robot description.
+        lower_rad: (J,) smallest positions.
+        upper_rad: (J,) largest positions.
+        velocity_rad_s: (J,) largest speeds.
+        acceleration_rad_s2: (J,) largest accelerations of a command.
+        jerk_rad_s3: (J,) largest jerks of a command.
+        home_rad: (J,) where the arm waits.
+        urdf_path: The robot description; its links have primitive shapes or a vendor's meshes.
+        base_link: The frame that stands in the world: REP-103 axes, x forward.
+        tool_link: The frame that meets the person's hand.
+        rest: Positions [rad, or m of a sliding joint] of the joints that nothing commands, as (name, position).
+
+    Raises:
+        ValueError: An array has another shape, a limit is empty, or `home_rad` lies outside the limits.
+    """
+
+    name: str
+    joint_names: tuple[str, ...]
+    lower_rad: FloatArray
+    upper_rad: FloatArray
+    velocity_rad_s: FloatArray
+    acceleration_rad_s2: FloatArray
+    jerk_rad_s3: FloatArray
+    home_rad: FloatArray
+    urdf_path: Path
+    base_link: str
+    tool_link: str
+    rest: tuple[tuple[str, float], ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        limits = ("velocity_rad_s", "acceleration_rad_s2", "jerk_rad_s3")
+        for name in ("lower_rad", "upper_rad", "home_rad", *limits):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+            require_shape(name, getattr(self, name), (len(self.joint_names),))
+        if not np.all(self.lower_rad < self.upper_rad) or any(np.any(getattr(self, name) <= 0) for name in limits):
+            raise ValueError(
+                f"robot {self.name}: a lower limit is not below its upper limit, or a limit is not positive"
+            )
+        if np.any(self.home_rad < self.lower_rad) or np.any(self.home_rad > self.upper_rad):
+            raise ValueError(f"robot {self.name}: home_rad lies outside the position limits")

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All that changes while retargeting runs, as a value, and what an operator may ask of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+from mild_core.retargeting.limiter import JointMotion, Joints
+from mild_core.retargeting.modes import Mode
+from mild_core.retargeting.target import Plan, Ramp
+
+
+@dataclass(frozen=True)
+class Request:
+    """What an operator asks for.
+
+    Attributes:
+        kind: `enable` follows motions; `disable` stops smoothly, then sends nothing; `reset` forgets the motion,
+            stops smoothly and goes home.
+    """
+
+    kind: Literal["enable", "disable", "reset"]
+
+
+@dataclass(frozen=True, eq=False)
+class RetargetingState:
+    """Where the robot is told to be, why, and what has happened so far.
+
+    Attributes:
+        mode: What it is doing.
+        motion: The newest command with its acceleration; None before the first measurement.
+        commanded_ns: When that command was sent; None before the first.
+        plan: The newest usable motion; None when there is nothing to follow.
+        ramp: The way onto the plan; set while following.
+        unknown_since_ns: When the model ceased to know what the person does; None while it knows.
+        holding_since_ns: When holding began.
+        measured_rad: The robot's newest own word on where it is: J positions.
+        displaced_since_ns: When the robot was first seen far from its command; None while it is near.
+        displaced: It has been far for too long.
+        counts: Events by reason since the start.
+        outcome: What became of the newest input: a key of `counts`.
+    """
+
+    mode: Mode = Mode.WAITING
+    motion: JointMotion | None = None
+    commanded_ns: int | None = None
+    plan: Plan | None = None
+    ramp: Ramp | None = None
+    unknown_since_ns: int | None = None
+    holding_since_ns: int = 0
+    measured_rad: Joints = ()
+    displaced_since_ns: int | None = None
+    displaced: bool = False
+    counts: Mapping[str, int] = field(default_factory=dict)
+    outcome: str = ""
+
+    def counted(self, reason: str) -> RetargetingState:
+        """One more event of `reason`."""
+        return replace(self, counts={**self.counts, reason: self.counts.get(reason, 0) + 1})
+
+    def ended(self, outcome: str) -> RetargetingState:
+        """One more input that ended in `outcome`."""
+        return replace(self.counted(outcome), outcome=outcome)

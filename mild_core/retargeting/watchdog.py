@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether there is a motion to follow, and what to do when the clock jumps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from mild_core.retargeting.limiter import JointMotion
+from mild_core.retargeting.modes import Mode
+from mild_core.retargeting.settings import RetargetingSettings
+from mild_core.retargeting.state import RetargetingState
+
+
+def fresh(state: RetargetingState, settings: RetargetingSettings, now_ns: int) -> bool:
+    """Whether the newest motion came lately and is about what the person did lately.
+
+    Both, because a stalled network delivers old motions now, and a dead publisher goes unnoticed for 20 s.
+    """
+    plan = state.plan
+    return (
+        plan is not None
+        and (now_ns - plan.received_ns) * 1e-9 <= settings.stale_after_s
+        and (now_ns - plan.stamp_ns) * 1e-9 <= settings.max_age_s
+    )
+
+
+def known(state: RetargetingState, settings: RetargetingSettings, now_ns: int) -> bool:
+    """Whether the model knows what the person does, or knew it a moment ago."""
+    since_ns = state.unknown_since_ns
+    return since_ns is None or (now_ns - since_ns) * 1e-9 <= settings.unknown_after_s
+
+
+def after_gap(state: RetargetingState, motion: JointMotion) -> RetargetingState:
+    """The state after a long time without a command: the robot has come to rest at the last one.
+
+    To go on with the speed of before would make a resting robot jump.
+    """
+    mode = Mode.HOLDING if state.mode is Mode.FOLLOWING else state.mode
+    return replace(state, mode=mode, motion=JointMotion.at_rest(motion.position_rad)).counted("gap")
+
+
+def after_time_jump(state: RetargetingState, now_ns: int) -> RetargetingState:
+    """The state after the clock went backwards (a bag that starts again): timing starts anew.
+
+    The robot knows nothing of it and still moves, so the command keeps its speed and stops smoothly.
+    """
+    stops = state.mode in (Mode.FOLLOWING, Mode.HOLDING, Mode.RETURNING)
+    return replace(
+        state,
+        mode=Mode.HOLDING if stops else state.mode,
+        commanded_ns=None,
+        plan=None,
+        ramp=None,
+        unknown_since_ns=None,
+        displaced_since_ns=None,
+        holding_since_ns=now_ns,
+    ).counted("time_backwards")
