@@ -1,0 +1,334 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The contract of a prior over the joint latent of both agents, and all that its members share.
+
+A prior is K Gaussians and a chain that says in which order, and for how long, they follow each other. Members differ
+in the chains that they admit and in how they re-estimate them; everything else is written once, here.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar, Self
+
+import numpy as np
+
+from mild_core.inference.gaussian import Gaussian, mixture_moments
+from mild_core.inference.priors.chain import Chain, ChainCounts, ChainExpectation, component_probabilities, expect
+from mild_core.inference.priors.components import (
+    estimate_components,
+    log_emissions,
+    observe_frame,
+    observe_frames,
+    quadratic_features,
+)
+from mild_core.inference.priors.recursion import UNDERFLOW, filter_frames
+from mild_core.shapes import FloatArray, read_only, require_shape
+
+
+@dataclass(frozen=True, eq=False)
+class Belief:
+    """What is believed about the chain after the frames so far.
+
+    Attributes:
+        weights: (K,) over components, sums to one: h of the paper. Before the first frame: the start probabilities.
+        memory: (K, D) over components and remaining time; its rows sum to `weights`. Zero before the first frame.
+        started: Whether a frame has been seen.
+        log_likelihood: log p(newest frame | frames before), 0 before the first.
+        known: False when the newest frame was so far from every reachable component that all densities underflow.
+            The belief then moved on by time alone.
+    """
+
+    weights: FloatArray
+    memory: FloatArray
+    started: bool
+    log_likelihood: float
+    known: bool
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "weights", read_only(self.weights))
+        object.__setattr__(self, "memory", read_only(self.memory))
+
+
+@dataclass(frozen=True, eq=False)
+class Filtered:
+    """A recording seen through the online filter.
+
+    Attributes:
+        weights: (T, K) belief after each frame.
+        log_likelihoods: (T,) of each frame given those before it.
+        conditioned_means: (T, K, Z - Q) what each component expects of the controlled latent, given the observed.
+    """
+
+    weights: FloatArray
+    log_likelihoods: FloatArray
+    conditioned_means: FloatArray
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """How to re-estimate a prior.
+
+    Attributes:
+        iterations: Of expectation maximisation, at most.
+        tolerance: Stop when the log-likelihood per frame rises by less (nats).
+        covariance_fraction: Share of the latents' variance that is added to every covariance.
+        duration_floor: Share of a component's durations spread evenly over 1..D, so that it can always end.
+        duration_spread: Least standard deviation of a component's duration as a share of its mean; 0 keeps the
+            plain histogram of expected durations instead of a discretised normal distribution.
+        pseudo_count: Transitions, and starts, that count as seen before any demonstration.
+    """
+
+    iterations: int = 20
+    tolerance: float = 1e-4
+    covariance_fraction: float = 0.1
+    duration_floor: float = 0.01
+    duration_spread: float = 0.2
+    pseudo_count: float = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A re-estimated prior.
+
+    Attributes:
+        prior: The new one.
+        log_likelihoods: Of all latents, before each iteration and after the last.
+    """
+
+    prior: Prior
+    log_likelihoods: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Prior(ABC):
+    """A prior of one interaction over the joint latent [z_observed; z_controlled].
+
+    Attributes:
+        components: (K,) Gaussians over Z dimensions, the observed agent's Q first.
+        chain: Their order and durations.
+        phases: (K,) mean time of each component in a demonstration, from 0 (its start) to 1 (its end).
+        observed_size: Q.
+
+    Raises:
+        ValueError: When the parts do not fit each other, or the chain is none of this kind.
+    """
+
+    components: Gaussian
+    chain: Chain
+    phases: FloatArray
+    observed_size: int
+
+    kind: ClassVar[str]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "phases", read_only(self.phases))
+        require_shape("means", self.components.mean, (self.chain.components, None))
+        require_shape("phases", self.phases, (self.chain.components,))
+        if not 0 < self.observed_size <= self.components.mean.shape[1]:
+            raise ValueError(f"observed_size {self.observed_size} is not within 1..{self.components.mean.shape[1]}")
+        self.check_chain(self.chain)
+
+    @staticmethod
+    @abstractmethod
+    def check_chain(chain: Chain) -> None:
+        """Raise ValueError unless `chain` is one of this kind."""
+
+    @staticmethod
+    @abstractmethod
+    def first_chain(components: int, lengths: Sequence[int], settings: FitSettings) -> Chain:
+        """The chain to start from when each demonstration is cut into K equal parts."""
+
+    @staticmethod
+    @abstractmethod
+    def estimate_chain(previous: Chain, counts: ChainCounts, settings: FitSettings) -> Chain:
+        """The M-step of the chain."""
+
+    @classmethod
+    def from_demonstrations(
+        cls, latents: Sequence[FloatArray], components: int, observed_size: int, settings: FitSettings | None = None
+    ) -> Self:
+        """A first prior: each demonstration is cut in time into K equal parts, part j belongs to component j.
+
+        Args:
+            latents: One (T, Z) per demonstration.
+            components: K.
+            observed_size: Q.
+            settings: For the widening of the covariances and the first durations.
+
+        Raises:
+            ValueError: When a demonstration has fewer frames than there are components.
+
+        Source: MILD, section "Initialisation"; `fit` refines it.
+        """
+        settings = settings or FitSettings()
+        lengths = [len(z) for z in latents]
+        if not latents or min(lengths) < components:
+            raise ValueError(f"demonstrations of {lengths} frames cannot be cut into {components} parts")
+        assigned = np.concatenate([np.arange(length) * components // length for length in lengths])
+        everything = np.concatenate(list(latents))
+        size = everything.shape[1]
+        blank = Gaussian(np.zeros((components, size)), np.broadcast_to(np.eye(size), (components, size, size)))
+        responsibilities = np.eye(components)[assigned]
+        chain = cls.first_chain(components, lengths, settings)
+        phases = (np.arange(components) + 0.5) / components
+        return cls(_estimate(blank, responsibilities, everything, settings), chain, phases, observed_size)
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, FloatArray], observed_size: int) -> Self:
+        """The prior that `to_arrays` wrote.
+
+        Raises:
+            KeyError: When an array is missing.
+            ValueError: When the arrays do not make a prior of this kind.
+        """
+        chain = Chain(arrays["initial"], arrays["transitions"], arrays["durations"])
+        return cls(Gaussian(arrays["means"], arrays["covariances"]), chain, arrays["phases"], observed_size)
+
+    def to_arrays(self) -> dict[str, FloatArray]:
+        """Everything but the kind and `observed_size`, by name."""
+        return {
+            "means": self.components.mean,
+            "covariances": self.components.covariance,
+            "initial": self.chain.initial,
+            "transitions": self.chain.transitions,
+            "durations": self.chain.durations,
+            "phases": self.phases,
+        }
+
+    def initial_belief(self) -> Belief:
+        """The belief before the first frame."""
+        memory = np.zeros((self.chain.components, self.chain.longest))
+        return Belief(self.chain.initial, memory, False, 0.0, True)
+
+    def update(self, belief: Belief, observed: FloatArray, observed_covariance: FloatArray | None = None) -> Belief:
+        """The belief after one more frame, in O(K D + K^2).
+
+        Args:
+            belief: After the frames before.
+            observed: (Q,) latent of the observed agent.
+            observed_covariance: (Q, Q) of the encoder; widens the observed block. None: exact.
+
+        Source: eq. 6 of MILD with explicit durations, METHOD section 2.
+        """
+        require_shape("observed", observed, (self.observed_size,))
+        log_emission, _, _ = self._observe(observed, observed_covariance)
+        memory = belief.memory.copy()
+        weights, log_likelihoods = np.empty((1, self.chain.components)), np.empty(1)
+        chain = self.chain
+        filter_frames(
+            log_emission[None], memory, not belief.started, chain.initial, chain.transitions, chain.durations,
+            weights, log_likelihoods,
+        )  # fmt: skip
+        log_likelihood = float(log_likelihoods[0])
+        return Belief(weights[0], memory, True, log_likelihood, log_likelihood > UNDERFLOW)
+
+    def filter(self, observed: FloatArray, observed_covariances: FloatArray | None = None) -> Filtered:
+        """`update` over a whole recording at once, for learning and evaluation.
+
+        Args:
+            observed: (T, Q).
+            observed_covariances: (T, Q, Q); None: exact.
+        """
+        frames, total = len(observed), self.components.mean.shape[1]
+        require_shape("observed", observed, (None, self.observed_size))
+        if observed_covariances is None:
+            observed_covariances = np.zeros((frames, self.observed_size, self.observed_size))
+        emissions, weights = (np.empty((frames, self.chain.components)) for _ in range(2))
+        conditioned = np.empty((frames, self.chain.components, total - self.observed_size))
+        log_likelihoods, chain = np.empty(frames), self.chain
+        observe_frames(
+            self.components.mean, self.components.covariance, np.ascontiguousarray(observed, dtype=np.float64),
+            np.ascontiguousarray(observed_covariances, dtype=np.float64), emissions, conditioned,
+        )  # fmt: skip
+        memory = np.zeros((chain.components, chain.longest))
+        filter_frames(
+            emissions, memory, True, chain.initial, chain.transitions, chain.durations, weights, log_likelihoods
+        )
+        return Filtered(weights, log_likelihoods, conditioned)
+
+    def condition(
+        self, belief: Belief, observed: FloatArray, observed_covariance: FloatArray | None = None
+    ) -> Gaussian:
+        """The controlled agent's latent: each component conditioned on the observed one, mixed by the belief.
+
+        Returns:
+            Over Z - Q dimensions.
+
+        Source: eqs. 7 and 8 of MILD, corrected, with the moments of METHOD section 2.
+        """
+        _, means, covariances = self._observe(observed, observed_covariance)
+        return mixture_moments(belief.weights, Gaussian(means, covariances))
+
+    def component_path(self, frames: int) -> list[int]:
+        """The likeliest component of each of T frames when nothing is observed: the paper's prior of frame t.
+
+        Source: eq. 9 of MILD.
+        """
+        return [int(j) for j in component_probabilities(self.chain, frames).argmax(axis=1)]
+
+    def expect(self, latents: Sequence[FloatArray]) -> ChainExpectation:
+        """Posterior components, counts and log-likelihood of whole demonstrations, each (T, Z)."""
+        everything = np.concatenate(list(latents))
+        centre = everything.mean(axis=0)
+        centred = Gaussian(self.components.mean - centre, self.components.covariance)
+        emissions = log_emissions(centred, quadratic_features(everything - centre))
+        return expect(self.chain, emissions, [len(z) for z in latents])
+
+    def fit(self, latents: Sequence[FloatArray], settings: FitSettings | None = None) -> Fit:
+        """A new prior, by expectation maximisation that starts from this one.
+
+        Starting from the previous epoch's prior keeps component j the same part of the motion.
+
+        Args:
+            latents: One (T, Z) per demonstration of the interaction.
+            settings: How far and how carefully.
+
+        Source: Algorithm 1 of MILD, its EM step.
+        """
+        settings = settings or FitSettings()
+        everything = np.concatenate(list(latents))
+        times = np.concatenate([(np.arange(len(z)) + 0.5) / len(z) for z in latents])
+        prior, expectation = self, self.expect(latents)
+        history = [expectation.log_likelihood]
+        for _ in range(settings.iterations):
+            responsibilities = expectation.responsibilities
+            occupancy = responsibilities.sum(axis=0)
+            prior = type(self)(
+                _estimate(prior.components, responsibilities, everything, settings),
+                self.estimate_chain(prior.chain, expectation.counts, settings),
+                np.where(occupancy > 0.0, times @ responsibilities / np.maximum(occupancy, 1e-300), prior.phases),
+                self.observed_size,
+            )
+            expectation = prior.expect(latents)
+            history.append(expectation.log_likelihood)
+            if history[-1] - history[-2] < settings.tolerance * len(everything):
+                break
+        return Fit(prior, tuple(history))
+
+    def _observe(
+        self, observed: FloatArray, observed_covariance: FloatArray | None
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Log-densities (K,), conditioned means (K, Z - Q) and covariances of one observed latent."""
+        components, total = self.components.mean.shape
+        controlled = total - self.observed_size
+        if observed_covariance is None:
+            observed_covariance = np.zeros((self.observed_size, self.observed_size))
+        log_emission, means = np.empty(components), np.empty((components, controlled))
+        covariances = np.empty((components, controlled, controlled))
+        observe_frame(
+            self.components.mean, self.components.covariance, np.asarray(observed, dtype=np.float64),
+            np.asarray(observed_covariance, dtype=np.float64), log_emission, means, covariances,
+        )  # fmt: skip
+        return log_emission, means, covariances
+
+
+def _estimate(previous: Gaussian, responsibilities: FloatArray, latents: FloatArray, settings: FitSettings) -> Gaussian:
+    """The M-step of the Gaussians, around the latents' mean so that squares do not cancel."""
+    centre = latents.mean(axis=0)
+    centred = latents - centre
+    widening = settings.covariance_fraction * centred.var(axis=0)
+    shifted = Gaussian(previous.mean - centre, previous.covariance)
+    found = estimate_components(shifted, responsibilities, quadratic_features(centred), widening)
+    return Gaussian(found.mean + centre, found.covariance)

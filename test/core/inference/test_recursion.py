@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The compiled recursions against the enumeration of all segmentations."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mild_core.inference.priors.chain import Chain, component_probabilities, expect
+from mild_core.inference.priors.recursion import UNDERFLOW, filter_frames
+from test.core.inference.enumeration import counts, posterior
+
+# Two roads through some 10^4 sums and products in double precision; the scaling costs a few more digits.
+EXACT = 1e-11
+
+
+def random_chain(rng: np.random.Generator, components: int, longest: int) -> Chain:
+    transitions = rng.dirichlet(np.ones(components), components) if components > 1 else np.ones((1, 1))
+    if components > 1:
+        np.fill_diagonal(transitions, 0.0)
+        transitions /= transitions.sum(axis=1, keepdims=True)
+    return Chain(rng.dirichlet(np.ones(components)), transitions, rng.dirichlet(np.ones(longest), components))
+
+
+def run_filter(chain: Chain, log_emissions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    weights, log_likelihoods = np.empty(log_emissions.shape), np.empty(len(log_emissions))
+    memory = np.zeros(chain.durations.shape)
+    filter_frames(
+        log_emissions, memory, True, chain.initial, chain.transitions, chain.durations, weights, log_likelihoods
+    )
+    return weights, log_likelihoods
+
+
+SIZES = [(1, 3, 6), (2, 3, 7), (3, 2, 6), (3, 4, 5), (2, 6, 4)]
+"""(K, D, T): with T both longer and shorter than D, so that segments are cut on the right."""
+
+
+@pytest.mark.parametrize(("components", "longest", "frames"), SIZES)
+@pytest.mark.parametrize("seed", range(3))
+def test_filter_is_the_enumerated_posterior_of_the_frames_so_far(components, longest, frames, seed):
+    rng = np.random.default_rng(seed)
+    chain = random_chain(rng, components, longest)
+    log_emissions = rng.normal(0.0, 2.0, (frames, components))
+    weights, log_likelihoods = run_filter(chain, log_emissions)
+    for seen in range(1, frames + 1):
+        likelihood, table = posterior(chain, np.exp(log_emissions[:seen]))
+        assert log_likelihoods[:seen].sum() == pytest.approx(np.log(likelihood), abs=EXACT)
+        np.testing.assert_allclose(weights[seen - 1], table[-1], atol=EXACT)
+
+
+@pytest.mark.parametrize(("components", "longest", "frames"), SIZES)
+@pytest.mark.parametrize("seed", range(3))
+def test_expectation_is_the_enumerated_one(components, longest, frames, seed):
+    rng = np.random.default_rng(10 + seed)
+    chain = random_chain(rng, components, longest)
+    lengths = [frames, max(frames - 2, 1)]
+    log_emissions = rng.normal(0.0, 2.0, (sum(lengths), components))
+    found = expect(chain, log_emissions, lengths)
+    log_likelihood, start = 0.0, 0
+    transitions, durations = np.zeros_like(chain.transitions), np.zeros_like(chain.durations)
+    for length in lengths:
+        emissions = np.exp(log_emissions[start : start + length])
+        likelihood, table = posterior(chain, emissions)
+        np.testing.assert_allclose(found.responsibilities[start : start + length], table, atol=EXACT)
+        log_likelihood += np.log(likelihood)
+        more_transitions, more_durations = counts(chain, emissions)
+        transitions += more_transitions
+        durations += more_durations
+        start += length
+    assert found.log_likelihood == pytest.approx(log_likelihood, abs=EXACT)
+    np.testing.assert_allclose(found.counts.transitions, transitions, atol=EXACT)
+    np.testing.assert_allclose(found.counts.durations, durations, atol=EXACT)
+    np.testing.assert_allclose(found.counts.initial, found.responsibilities[[0, lengths[0]]].sum(axis=0), atol=EXACT)
+
+
+def test_starting_as_if_a_segment_had_just_ended_gives_another_belief():
+    rng = np.random.default_rng(3)
+    chain = random_chain(rng, 3, 4)
+    log_emissions = rng.normal(0.0, 2.0, (4, 3))
+    memory, weights, log_likelihoods = np.zeros((3, 4)), np.empty((4, 3)), np.empty(4)
+    memory[:, 0] = chain.initial
+    filter_frames(
+        log_emissions, memory, False, chain.initial, chain.transitions, chain.durations, weights, log_likelihoods
+    )
+    right, _ = run_filter(chain, log_emissions)
+    assert abs(weights - right).max() > 0.01
+
+
+def test_printed_equation_6_is_a_hidden_markov_model():
+    """alpha_t(j) = b_j sum_i alpha_{t-1}(i) T_ij sum_d p_j(d), as printed: the duration sums out."""
+    rng = np.random.default_rng(4)
+    transitions, initial = rng.dirichlet(np.ones(3), 3), rng.dirichlet(np.ones(3))
+    durations = rng.dirichlet(np.ones(5), 3)
+    log_emissions = rng.normal(0.0, 1.0, (12, 3))
+    printed = initial * np.exp(log_emissions[0])
+    printed /= printed.sum()
+    printed_path = [printed]
+    for row in np.exp(log_emissions[1:]):
+        printed = row * sum(printed @ transitions * durations[:, d] for d in range(5))
+        printed /= printed.sum()
+        printed_path.append(printed)
+    markov, _ = run_filter(Chain(initial, transitions, np.ones((3, 1))), log_emissions)
+    semi_markov, _ = run_filter(Chain(initial, transitions, durations), log_emissions)
+    np.testing.assert_allclose(printed_path, markov, atol=EXACT)
+    assert abs(markov - semi_markov).max() > 0.05
+
+
+def test_geometric_durations_make_a_hidden_markov_model():
+    rng = np.random.default_rng(5)
+    stay, frames = np.array([0.6, 0.85, 0.3]), 30
+    moves = random_chain(rng, 3, 1).transitions
+    initial = rng.dirichlet(np.ones(3))
+    durations = (1.0 - stay[:, None]) * stay[:, None] ** np.arange(frames)
+    durations[:, -1] += 1.0 - durations.sum(axis=1)
+    markov = Chain(initial, np.diag(stay) + (1.0 - stay[:, None]) * moves, np.ones((3, 1)))
+    semi_markov = Chain(initial, moves, durations)
+    log_emissions = rng.normal(0.0, 1.5, (frames, 3))
+    for one, other in zip(run_filter(markov, log_emissions), run_filter(semi_markov, log_emissions), strict=True):
+        np.testing.assert_allclose(one, other, atol=EXACT)
+    one, other = (expect(chain, log_emissions, [frames]) for chain in (markov, semi_markov))
+    np.testing.assert_allclose(one.responsibilities, other.responsibilities, atol=EXACT)
+    assert one.log_likelihood == pytest.approx(other.log_likelihood, abs=EXACT)
+
+
+def test_equal_rows_make_a_mixture():
+    rng = np.random.default_rng(6)
+    shares = rng.dirichlet(np.ones(4))
+    log_emissions = rng.normal(0.0, 3.0, (20, 4))
+    weights, log_likelihoods = run_filter(Chain(shares, np.tile(shares, (4, 1)), np.ones((4, 1))), log_emissions)
+    joint = shares * np.exp(log_emissions)
+    np.testing.assert_allclose(weights, joint / joint.sum(axis=1, keepdims=True), atol=EXACT)
+    np.testing.assert_allclose(log_likelihoods, np.log(joint.sum(axis=1)), atol=EXACT)
+
+
+def test_a_frame_nobody_explains_passes_as_time_and_says_so():
+    rng = np.random.default_rng(7)
+    chain = random_chain(rng, 3, 5)
+    log_emissions = rng.normal(0.0, 1.0, (6, 3))
+    seen = log_emissions.copy()
+    log_emissions[3] -= 5000.0
+    seen[3] = 0.0
+    weights, log_likelihoods = run_filter(chain, log_emissions)
+    unobserved, _ = run_filter(chain, seen)
+    assert log_likelihoods[3] < UNDERFLOW < log_likelihoods[[0, 1, 2, 4, 5]].min()
+    np.testing.assert_allclose(weights, unobserved, atol=EXACT)
+    assert abs(weights[3] - chain.initial).max() > 0.01
+
+
+def test_components_that_cannot_be_reached_do_not_count_however_likely():
+    chain = Chain(np.array([1.0, 0.0]), np.array([[0.0, 1.0], [1.0, 0.0]]), np.tile([0.0, 0.0, 1.0], (2, 1)))
+    log_emissions = np.array([[0.0, 900.0], [-300.0, 900.0], [-300.0, 0.0], [-2.0, -1.0]])
+    weights, log_likelihoods = run_filter(chain, log_emissions)
+    np.testing.assert_array_equal(weights, [[1, 0], [1, 0], [1, 0], [0, 1]])
+    np.testing.assert_allclose(log_likelihoods, [0.0, -300.0, -300.0, -1.0], atol=EXACT)
+    found = expect(chain, log_emissions, [4])
+    np.testing.assert_allclose(found.responsibilities, weights, atol=EXACT)
+
+
+def test_without_observations_the_components_follow_their_durations():
+    durations = np.zeros((3, 4))
+    durations[[0, 1, 2], [1, 3, 0]] = 1.0
+    chain = Chain(np.array([1.0, 0, 0]), np.roll(np.eye(3), 1, axis=1), durations)
+    path = component_probabilities(chain, 9)
+    np.testing.assert_array_equal(path.argmax(axis=1), [0, 0, 1, 1, 1, 1, 2, 0, 0])
+    np.testing.assert_allclose(path.max(axis=1), 1.0, atol=EXACT)
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        ({"initial": [0.5, 0.4]}, "initial"),
+        ({"transitions": [[0.5, 0.5], [2.0, -1.0]]}, "transitions"),
+        ({"durations": [[1.0], [np.nan]]}, "durations"),
+        ({"transitions": [[1.0]]}, "transitions"),
+    ],
+)
+def test_what_is_no_chain_is_refused(change, word):
+    parts = {"initial": [0.5, 0.5], "transitions": [[0.5, 0.5], [0.5, 0.5]], "durations": [[1.0], [1.0]]}
+    with pytest.raises(ValueError, match=word):
+        Chain(**{name: np.array(values) for name, values in (parts | change).items()})
