@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The canonical arm: whoever stands wherever, the model sees a right arm in its own frame with its own bone lengths."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mild_core.perception.calibration import Calibration
+from mild_core.shapes import FloatArray, require_shape
+
+ARM_FRAME = "arm"
+"""Name of the arm frame: origin at the calibrated shoulder, x forward, y left, z up of the person."""
+
+_MIRRORED = np.array([1.0, -1.0, 1.0])
+_SHORTEST_M = 1e-6
+
+
+def in_arm_frame(positions_m: FloatArray, calibration: Calibration) -> FloatArray:
+    """Joints in the arm frame; a left arm becomes the right arm of the mirrored person.
+
+    Args:
+        positions_m: (..., 3) in the axes of the calibration's frame.
+        calibration: Of the person.
+    """
+    positions: FloatArray = (positions_m - calibration.shoulder_m) @ calibration.arm_from_source.T
+    return positions if calibration.side == "right" else positions * _MIRRORED
+
+
+def with_bone_lengths(arm_m: FloatArray, bone_lengths_m: tuple[float, ...]) -> FloatArray:
+    """The same directions on bones of given lengths; the shoulder stays where it is.
+
+    Each segment gets exactly the model's length in every frame, rather than one ratio for all frames: bones do not
+    change, but an Azure Kinect's skeleton breathes by +-11 % and depth cameras stretch what points at them, and the
+    recordings that models learn from have constant lengths. With a rigid skeleton both are the same. The way of
+    the shoulder is not scaled: it is the body's motion in the room and not the arm's size.
+
+    Args:
+        arm_m: (T, J, 3), from the shoulder outwards.
+        bone_lengths_m: J - 1 lengths; empty leaves the arm as it is.
+
+    Returns:
+        (T, J, 3) [m].
+    """
+    if not bone_lengths_m:
+        return arm_m
+    require_shape("arm_m", arm_m, (None, len(bone_lengths_m) + 1, 3))
+    bones = arm_m[:, 1:] - arm_m[:, :-1]
+    norms = np.sqrt(np.square(bones).sum(axis=-1))
+    scale = np.asarray(bone_lengths_m) / np.maximum(norms, _SHORTEST_M)
+    scaled = np.empty_like(arm_m)
+    scaled[:, 0] = arm_m[:, 0]
+    np.cumsum(bones * scale[..., None], axis=1, out=scaled[:, 1:])
+    scaled[:, 1:] += arm_m[:, :1]
+    return scaled

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who is watched: one person, by the tracker's number while it is where they were, by place when it changes.
+
+Trackers renumber people who were hidden and swap the numbers of people who pass each other, so neither the number
+nor the order in a message is enough.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from mild_core.perception.gates import Point, seen_joint
+from mild_core.signals import SkeletonFrame
+
+TRUNK = ("pelvis", "chest", "left_shoulder", "right_shoulder", "head")
+"""Where a person is; limbs move too fast to tell."""
+
+RUNNING_M_S = 3.0
+"""A person with the right number may have gone this fast while hidden."""
+
+SAME_NUMBER_BONUS_M = 0.2
+"""Of two bodies nearly in one place (a handshake, a hug), the one with the right number wins."""
+
+Trunk = tuple[Point | None, ...]
+
+
+@dataclass(frozen=True)
+class Lock:
+    """The watched person as last seen.
+
+    Attributes:
+        person_id: The tracker's number then.
+        trunk_m: Places [m] of `TRUNK`, None for those never seen.
+        stamp_ns: Stamp of the frame.
+        received_ns: When it came, on the clock of `now_ns`: people are forgotten by this one, because a message
+            without people has no stamp.
+    """
+
+    person_id: int
+    trunk_m: Trunk
+    stamp_ns: int
+    received_ns: int
+
+
+def trunk_of(person: SkeletonFrame) -> Trunk:
+    """Places [m] of `TRUNK` in the frame's axes."""
+    return tuple(seen_joint(person, name) for name in TRUNK)
+
+
+def locked_on(lock: Lock | None, person: SkeletonFrame, received_ns: int) -> Lock:
+    """The lock after this frame; parts of the trunk that it hides stay where they were."""
+    trunk = trunk_of(person)
+    if lock is not None:
+        trunk = tuple(new or old for new, old in zip(trunk, lock.trunk_m, strict=True))
+    return Lock(person.person_id, trunk, person.stamp_ns, received_ns)
+
+
+def find_person(lock: Lock | None, people: tuple[SkeletonFrame, ...], reach_m: float) -> SkeletonFrame | None:
+    """The watched person among people; without a lock the one nearest to the origin of the axes.
+
+    Args:
+        lock: Who is watched.
+        people: One or more.
+        reach_m: How far from the last place a body with another number may be.
+
+    Returns:
+        None when nobody can be them.
+    """
+    if lock is None:
+        return min(people, key=_distance_from_origin)
+    best, least = None, math.inf
+    for person in people:
+        same = person.person_id == lock.person_id
+        distance = _moved(lock, person)
+        if distance is None and same:
+            distance = 0.0
+        hidden_s = max(0.0, (person.stamp_ns - lock.stamp_ns) * 1e-9)
+        if distance is None or distance > reach_m + same * RUNNING_M_S * hidden_s:
+            continue
+        score = distance - same * SAME_NUMBER_BONUS_M
+        if score < least:
+            best, least = person, score
+    return best
+
+
+def _moved(lock: Lock, person: SkeletonFrame) -> float | None:
+    """Mean distance [m] between the trunk then and now; None without a common joint."""
+    pairs = zip(lock.trunk_m, trunk_of(person), strict=True)
+    distances = [math.dist(then, now) for then, now in pairs if then is not None and now is not None]
+    return math.fsum(distances) / len(distances) if distances else None
+
+
+def _distance_from_origin(person: SkeletonFrame) -> float:
+    places = [math.hypot(*place) for place in trunk_of(person) if place is not None]
+    return min(places, default=math.inf)

@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Finding a person's arm frame while they stand still for a second.
+
+The trunk gives the axes, not the camera's mounting: z from the pelvis to the middle of the shoulders, y along the
+shoulders to the left, x forward. The origin is the mean place of the watched shoulder. Both then stay, so that a
+shoulder that leans forward moves in the arm frame, as it does in the recordings.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from mild_core.errors import DataError
+from mild_core.perception.calibration import Calibration
+from mild_core.perception.gates import Point, believed, seen_joint
+from mild_core.perception.skeletons.source import Axes
+from mild_core.shapes import FloatArray
+from mild_core.signals import SkeletonFrame
+
+FULL_SECOND = 0.99
+"""Of the neutral second, as stamps jitter."""
+
+_SHOULDERS = ("left_shoulder", "right_shoulder")
+_FACING = (("head", "nose"), ("left_ankle", "left_foot"), ("right_ankle", "right_foot"))
+_UP: dict[str, Point] = {"optical": (0.0, -1.0, 0.0), "rep103": (0.0, 0.0, 1.0)}
+
+STEEPEST_COSINE = 0.5
+"""A camera may be tilted and a trunk may lean, but not by 60 degrees together; swapped axes are off by 90."""
+
+NARROWEST_M = 0.1
+"""Shoulders nearer than this, or nearer to the pelvis, span no axes."""
+
+
+@dataclass(frozen=True, eq=False)
+class NeutralFrame:
+    """One frame of the neutral second, in the source's axes [m].
+
+    Attributes:
+        stamp_ns: Its stamp.
+        shoulder_m: (3,) the watched shoulder.
+        trunk_m: (3, 3) left shoulder, right shoulder, pelvis; None for trackers that see an arm only.
+        facing_m: (3,) sum of the vectors that point where the person looks: head to nose, ankles to toes.
+        bone_lengths_m: Of the watched arm.
+    """
+
+    stamp_ns: int
+    shoulder_m: FloatArray
+    trunk_m: FloatArray | None
+    facing_m: FloatArray
+    bone_lengths_m: tuple[float, ...]
+
+
+def neutral_frame(
+    person: SkeletonFrame, shoulder_m: Point, bone_lengths_m: tuple[float, ...], torso: bool, min_confidence: float
+) -> NeutralFrame:
+    """What calibration needs of a frame.
+
+    Args:
+        person: The frame.
+        shoulder_m: Its watched shoulder.
+        bone_lengths_m: Of its watched arm.
+        torso: Whether the trunk is needed, because the axes come from it.
+        min_confidence: Least confidence of the trunk's joints.
+
+    Raises:
+        DataError: As `gates.believed`, when the trunk is needed.
+    """
+    trunk = None
+    try:
+        trunk = np.array([*believed(person, _SHOULDERS, min_confidence), _pelvis(person, min_confidence)])
+    except DataError:
+        if torso:
+            raise
+    facing = np.zeros(3)
+    for start, end in _FACING:
+        a, b = seen_joint(person, start), seen_joint(person, end)
+        if a is not None and b is not None:
+            facing += np.subtract(b, a)
+    return NeutralFrame(person.stamp_ns, np.array(shoulder_m), trunk, facing, bone_lengths_m)
+
+
+def with_newest(
+    frames: tuple[NeutralFrame, ...], newest: NeutralFrame, span_s: float, max_gap_s: float
+) -> tuple[NeutralFrame, ...]:
+    """The frames of the last `span_s` seconds, or the newest alone when the one before is too old."""
+    if frames and newest.stamp_ns - frames[-1].stamp_ns > max_gap_s * 1e9:
+        return (newest,)
+    full_ns = span_s * FULL_SECOND * 1e9
+    first = sum(newest.stamp_ns - frame.stamp_ns >= full_ns for frame in frames[1:])
+    return (*frames[first:], newest)
+
+
+def strayed_m(frames: tuple[NeutralFrame, ...]) -> float:
+    """Farthest that the watched shoulder or a joint of the trunk was from its mean [m]."""
+    shoulders = np.stack([frame.shoulder_m for frame in frames])[:, None]
+    trunks = [frame.trunk_m for frame in frames if frame.trunk_m is not None]
+    return max(_farthest(places) for places in (shoulders, *([np.stack(trunks)] if trunks else [])))
+
+
+def calibrate(
+    frames: tuple[NeutralFrame, ...],
+    frame_id: str,
+    side: Literal["right", "left"],
+    torso: bool,
+    source_axes: Axes,
+) -> Calibration:
+    """The arm frame of a person who stood still.
+
+    Args:
+        frames: One or more.
+        frame_id: The tf frame of their positions.
+        side: The watched arm.
+        torso: Take the axes from the trunk; otherwise they are given.
+        source_axes: Axes of the tracker, "unknown" to check none.
+
+    Raises:
+        DataError: `flat_torso` when the trunk spans no axes; `wrong_up_axis` when the trunk does not point up in
+            the camera's frame; `mirrored` when nose and toes point backwards, so that left is right;
+            `wrong_forward_axis` when the axes are given and the person faces another way.
+    """
+    axes = np.eye(3)
+    trunks = [frame.trunk_m for frame in frames if frame.trunk_m is not None]
+    if trunks:
+        trunk = np.mean(trunks, axis=0)
+        body = torso_axes(trunk[0], trunk[1], trunk[2])
+        facing = np.mean([frame.facing_m for frame in frames], axis=0)
+        _check_axes(body, facing, frame_id, source_axes if torso else "rep103")
+        if torso:
+            axes = body
+        elif body[0, 0] < STEEPEST_COSINE:
+            raise DataError("wrong_forward_axis", f"the person does not face along x in '{frame_id}'")
+    shoulder = np.mean([frame.shoulder_m for frame in frames], axis=0)
+    lengths = np.mean([frame.bone_lengths_m for frame in frames], axis=0)
+    return Calibration(frames[-1].stamp_ns, frame_id, side, shoulder, axes, tuple(lengths.tolist()))
+
+
+def torso_axes(left_shoulder_m: FloatArray, right_shoulder_m: FloatArray, pelvis_m: FloatArray) -> FloatArray:
+    """(3, 3) whose rows are forward, left and up of a trunk.
+
+    Raises:
+        DataError: `flat_torso`.
+
+    Source: REP-103, body axes.
+    """
+    up = (left_shoulder_m + right_shoulder_m) / 2.0 - pelvis_m
+    height = float(np.linalg.norm(up))
+    if height < NARROWEST_M:
+        raise DataError("flat_torso", f"shoulders are {height:.3f} m above the pelvis")
+    up = up / height
+    left = left_shoulder_m - right_shoulder_m
+    left = left - (left @ up) * up
+    width = float(np.linalg.norm(left))
+    if width < NARROWEST_M:
+        raise DataError("flat_torso", f"shoulders are {width:.3f} m apart")
+    left = left / width
+    return np.stack([np.cross(left, up), left, up])
+
+
+def _check_axes(body: FloatArray, facing_m: FloatArray, frame_id: str, source_axes: Axes) -> None:
+    if source_axes in _UP and float(body[2] @ np.array(_UP[source_axes])) < STEEPEST_COSINE:
+        raise DataError("wrong_up_axis", f"the trunk does not point up in '{frame_id}' as {source_axes} axes")
+    if float(facing_m @ body[0]) < 0.0:
+        raise DataError("mirrored", f"nose and toes point backwards in '{frame_id}': left and right are swapped")
+
+
+def _farthest(places_m: FloatArray) -> float:
+    """Largest distance of (T, N, 3) places from their mean over T."""
+    return float(np.sqrt(np.square(places_m - places_m.mean(axis=0)).sum(axis=-1)).max())
+
+
+def _pelvis(person: SkeletonFrame, min_confidence: float) -> Point:
+    """The pelvis, or the middle of the hips for trackers without one."""
+    if "pelvis" in person.joint_names or "left_hip" not in person.joint_names:
+        return believed(person, ("pelvis",), min_confidence)[0]
+    (ax, ay, az), (bx, by, bz) = believed(person, ("left_hip", "right_hip"), min_confidence)
+    return ((ax + bx) / 2.0, (ay + by) / 2.0, (az + bz) / 2.0)

@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What perception is told: what the model wants to see, which person and arm, and when a frame is not to be used."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from mild_core.errors import SetupError, unknown_name
+from mild_core.perception.calibration import Calibration
+from mild_core.perception.skeletons.source import JOINTS, Axes
+
+
+@dataclass(frozen=True, kw_only=True)
+class PerceptionSettings:
+    """Everything that perception needs to know. The first six come from the model folder.
+
+    Attributes:
+        joint_names: J joints the model observes, from the shoulder outwards, without their side ("shoulder", ...).
+        bone_lengths_m: J - 1 lengths the arm is brought to, those of the model's training data; empty keeps the
+            person's own.
+        rate_hz: The model's rate.
+        window: W, rows of a window.
+        features: "positions", or "positions_velocities".
+        side: The arm to watch; the left one is mirrored into a right one.
+        axes: "torso" takes forward, left and up from the person's own body at calibration; "given" says that the
+            positions come with x forward, y left, z up of the person already.
+        source_axes: The axes of the tracker, for telling a wrong camera frame; "unknown" turns this check off.
+        frame_id: The only tf frame to accept; empty accepts the first that comes.
+        calibration: One made before, to start without the neutral second.
+        calibration_s: How long the person has to stand still.
+        calibration_still_m: Farthest that shoulders and pelvis may stray from their mean meanwhile.
+        max_gap_s: Longest time without a usable frame that is bridged by interpolation.
+        min_confidence: Least confidence of a joint that is used; the Azure Kinect's guessed joints have 0.3.
+        bone_tolerance: Largest relative deviation of a bone from its calibrated length. 0.3, because an Azure
+            Kinect lets the whole skeleton breathe by +-11 %.
+        reacquire_distance_m: How near to where the person was last seen a body has to be to be the same person.
+        forget_s: How long a lost person is waited for before another one may take over.
+    """
+
+    joint_names: tuple[str, ...]
+    bone_lengths_m: tuple[float, ...]
+    rate_hz: float
+    window: int
+    features: Literal["positions", "positions_velocities"] = "positions"
+    side: Literal["right", "left"] = "right"
+    axes: Literal["torso", "given"] = "torso"
+    source_axes: Axes = "unknown"
+    frame_id: str = ""
+    calibration: Calibration | None = None
+    calibration_s: float = 1.0
+    calibration_still_m: float = 0.05
+    max_gap_s: float = 0.5
+    min_confidence: float = 0.5
+    bone_tolerance: float = 0.3
+    reacquire_distance_m: float = 0.5
+    forget_s: float = 5.0
+
+    def __post_init__(self) -> None:
+        """Raise SetupError for settings that cannot work."""
+        object.__setattr__(self, "joint_names", tuple(self.joint_names))
+        object.__setattr__(self, "bone_lengths_m", tuple(float(length) for length in self.bone_lengths_m))
+        self._check_joints()
+        for name, allowed in _CHOICES.items():
+            if getattr(self, name) not in allowed:
+                raise unknown_name(name, str(getattr(self, name)), allowed)
+        for name, least in _LEAST.items():
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > least):
+                raise SetupError(name, f"is {value}", f"give a number above {least:g}")
+        if self.calibration is not None and self.calibration.side != self.side:
+            raise SetupError("calibration", f"is of the {self.calibration.side} arm", f"calibrate the {self.side} one")
+        if self.calibration is not None and len(self.calibration.bone_lengths_m) != len(self.joint_names) - 1:
+            raise SetupError("calibration", "was made for other joints", "calibrate again")
+
+    def _check_joints(self) -> None:
+        for name in self.sided_names:
+            if name not in JOINTS:
+                raise unknown_name("joint_names", name, [joint for joint in JOINTS if joint.startswith(self.side)])
+        bones = len(self.joint_names) - 1
+        if bones < 1:
+            raise SetupError("joint_names", f"{list(self.joint_names)} is no arm", "give two joints or more")
+        lengths = self.bone_lengths_m
+        if lengths and (len(lengths) != bones or not all(0.0 < length < 2.0 for length in lengths)):
+            raise SetupError("bone_lengths_m", f"is {list(lengths)}", f"give {bones} lengths in metres, or none")
+
+    @property
+    def sided_names(self) -> tuple[str, ...]:
+        """The model's joints as a skeleton names them ("right_shoulder", ...)."""
+        return tuple(f"{self.side}_{name}" for name in self.joint_names)
+
+    @property
+    def max_gap_ns(self) -> int:
+        """`max_gap_s` in nanoseconds."""
+        return round(self.max_gap_s * 1e9)
+
+    @property
+    def forget_ns(self) -> int:
+        """`forget_s` in nanoseconds."""
+        return round(self.forget_s * 1e9)
+
+
+_CHOICES: dict[str, tuple[str, ...]] = {
+    "features": ("positions", "positions_velocities"),
+    "side": ("right", "left"),
+    "axes": ("torso", "given"),
+    "source_axes": ("optical", "rep103", "unknown"),
+}
+_LEAST = {
+    "rate_hz": 0.0,
+    "window": 0,
+    "calibration_s": 0.0,
+    "calibration_still_m": 0.0,
+    "max_gap_s": 0.0,
+    "min_confidence": -1e-9,
+    "bone_tolerance": 0.0,
+    "reacquire_distance_m": 0.0,
+    "forget_s": 0.0,
+}

@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What has to be known of a tracker to read it: numbers, names, axes. Constants only; messages are read elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from mild_core.errors import SetupError, unknown_name
+
+_SIDES = ("left", "right")
+_PAIRED = (
+    *("clavicle", "shoulder", "elbow", "wrist", "hand", "hand_tip", "thumb"),
+    *("hip", "knee", "ankle", "foot", "eye", "ear"),
+)
+
+JOINTS: tuple[str, ...] = (
+    *("pelvis", "spine", "chest", "neck", "head", "nose"),
+    *(f"{side}_{part}" for side in _SIDES for part in _PAIRED),
+)
+"""Every joint that a `SkeletonFrame` may name; left and right are the person's own."""
+
+Axes = Literal["optical", "rep103", "unknown"]
+"""Where a source's axes point: optical is x right, y down, z away from the camera; rep103 has z up (REP-103)."""
+
+
+@dataclass(frozen=True)
+class SkeletonSource:
+    """How one kind of tracker numbers and measures people.
+
+    Attributes:
+        name: As the parameter `source` names it.
+        message: The kind of message, a key of the table of adapters (`marker_array`, `pose_array`).
+        joint_ids: Number or index in the message to name of the joint; empty until given by parameter.
+        axes: Of the positions; "unknown" when a parameter has to say, which turns off the check of the up axis.
+        ids_per_person: The person's number is the message's id divided by this; 0 when a message holds one person
+            and numbers nobody.
+        confidence_of_colour: Confidence by (red, green, blue), for drivers that paint it; a person all in one
+            colour says nothing, as drivers also paint each person in a colour.
+    """
+
+    name: str
+    message: str
+    joint_ids: Mapping[int, str]
+    axes: Axes
+    ids_per_person: int = 0
+    confidence_of_colour: tuple[tuple[tuple[float, float, float], float], ...] = ()
+
+    def with_joints(self, joint_names: tuple[str, ...], axes: Axes = "unknown") -> SkeletonSource:
+        """This source with its joints in the order given, for messages that do not number them.
+
+        Args:
+            joint_names: A name of `JOINTS` for each place of the message; "" for a place to pass over.
+            axes: Where the positions' axes point.
+
+        Raises:
+            SetupError: A name is unknown or comes twice, or none is given.
+        """
+        named = [name for name in joint_names if name]
+        for name in named:
+            if name not in JOINTS:
+                raise unknown_name("joint_names", name, JOINTS)
+        if not named or len(set(named)) != len(named):
+            raise SetupError("joint_names", f"{list(joint_names)} has no joints or one twice", "name each joint once")
+        return replace(self, joint_ids={place: name for place, name in enumerate(joint_names) if name}, axes=axes)

@@ -1,0 +1,231 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Perception: everyone a tracker sees in, the watched arm's last W frames at the model's rate out.
+
+Every message ends in exactly one outcome, and no message is lost without being counted:
+
+    accepted                          its arm was used (zero, one or more windows)
+    calibrating, moving               part of the neutral second; the person did not stand still
+    nobody, other_person              the watched person is not in it
+    duplicate, out_of_order           its stamp is not later than the one before
+    unknown_frame                     its tf frame is another one
+    missing_joint, not_finite, zeroed, out_of_range, low_confidence, bone_length
+                                      an arm joint (while calibrating also the trunk's) cannot be believed
+    flat_torso, wrong_up_axis, wrong_forward_axis, mirrored
+                                      the trunk says that the axes are wrong: nothing is calibrated on it
+
+Beside them, events are counted that may come with any outcome: `windows`, `filled` (of these, bridged by
+interpolation), `missed` (messages that never came), `gap_reset`, `time_reset`, `calibrated`, `reacquired`,
+`forgotten`, `bystanders`.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from mild_core.errors import DataError
+from mild_core.perception.arm import ARM_FRAME, in_arm_frame
+from mild_core.perception.calibration import Calibration
+from mild_core.perception.gates import Point, believed, bone_lengths, check_bones
+from mild_core.perception.identity import Lock, find_person, locked_on
+from mild_core.perception.neutral import FULL_SECOND, NeutralFrame, calibrate, neutral_frame, strayed_m, with_newest
+from mild_core.perception.resampling import Cadence
+from mild_core.perception.settings import PerceptionSettings
+from mild_core.perception.window import ArmStream, begun, extended
+from mild_core.signals import FeatureWindow, SkeletonFrame
+
+__all__ = ["Perception", "PerceptionSettings", "PerceptionState"]
+
+
+@dataclass(frozen=True, eq=False)
+class PerceptionState:
+    """All that perception remembers.
+
+    Attributes:
+        counts: Messages by outcome and events, since the start.
+        outcome: Of the newest message; "" before the first.
+        detail: Why that message was not used, for people; "" when it was.
+        calibration: The person's arm frame; None while it is sought.
+        neutral: Frames of the neutral second so far.
+        lock: Who is watched.
+        cadence: How often the tracker sees them.
+        stream: The arm at the model's rate; None before its first usable frame.
+    """
+
+    counts: Mapping[str, int] = field(default_factory=dict)
+    outcome: str = ""
+    detail: str = ""
+    calibration: Calibration | None = None
+    neutral: tuple[NeutralFrame, ...] = ()
+    lock: Lock | None = None
+    cadence: Cadence | None = None
+    stream: ArmStream | None = None
+
+
+_Stepped = tuple[PerceptionState, tuple[FeatureWindow, ...]]
+
+
+@dataclass(frozen=True)
+class Perception:
+    """One person's arm, as a model wants to see it."""
+
+    settings: PerceptionSettings
+
+    def init(self) -> PerceptionState:
+        """The state before the first message."""
+        return PerceptionState(calibration=self.settings.calibration)
+
+    def step(self, state: PerceptionState, people: tuple[SkeletonFrame, ...], now_ns: int) -> _Stepped:
+        """Take one tracker message.
+
+        Args:
+            state: Before it.
+            people: Everyone in it; empty when the tracker sees nobody.
+            now_ns: When it came.
+
+        Returns:
+            The state after it and the windows that it completes, oldest first: none while calibrating, one at the
+            model's rate, several from a slower tracker or after a gap. Unusable data is counted, never raised.
+        """
+        events: Counter[str] = Counter()
+        state = self._rewound(state, people, events)
+        person = find_person(state.lock, people, self.settings.reacquire_distance_m) if people else None
+        if person is None:
+            return _ended(self._without(state, now_ns, events), events, "other_person" if people else "nobody")
+        if state.lock and person.stamp_ns <= state.lock.stamp_ns:
+            return _ended(state, events, "duplicate" if person.stamp_ns == state.lock.stamp_ns else "out_of_order")
+        events["bystanders"] += len(people) - 1
+        state = self._seen(state, person, now_ns, events)
+        try:
+            arm = self._arm(state, person)
+            if state.calibration is None:
+                state, outcome, detail = self._calibrated(state, person, arm)
+                events["calibrated"] += state.calibration is not None
+        except DataError as error:
+            return _ended(self._outgrown(state, person, error, events), events, error.reason, error.detail)
+        if state.calibration is None:
+            return _ended(state, events, outcome, detail)
+        state, windows = self._sampled(state, state.calibration, person.stamp_ns, arm, events)
+        return _ended(state, events, "accepted", windows=windows)
+
+    def _rewound(
+        self, state: PerceptionState, people: tuple[SkeletonFrame, ...], events: Counter[str]
+    ) -> PerceptionState:
+        """Begin anew when time goes back by more than late messages may be late: a bag that loops."""
+        newest_ns = max((person.stamp_ns for person in people), default=None)
+        if newest_ns is None or state.lock is None or newest_ns >= state.lock.stamp_ns - self.settings.max_gap_ns:
+            return state
+        events["time_reset"] += 1
+        return replace(self.init(), counts=state.counts)
+
+    def _without(self, state: PerceptionState, now_ns: int, events: Counter[str]) -> PerceptionState:
+        """The watched person is not there: wait for them, but not for ever."""
+        if state.lock and now_ns - state.lock.received_ns > self.settings.forget_ns:
+            events["forgotten"] += 1
+            return replace(self.init(), counts=state.counts)
+        return replace(state, cadence=state.cadence and replace(state.cadence, absent=state.cadence.absent + 1))
+
+    def _seen(
+        self, state: PerceptionState, person: SkeletonFrame, now_ns: int, events: Counter[str]
+    ) -> PerceptionState:
+        """Note where the watched person is and how long since the message before."""
+        lock = locked_on(state.lock, person, now_ns)
+        if state.lock is None and not any(lock.trunk_m):
+            return state  # nothing of this body is visible: wait for one before choosing
+        events["reacquired"] += state.lock is not None and state.lock.person_id != person.person_id
+        if state.cadence is None:
+            return replace(state, lock=lock, cadence=Cadence(person.stamp_ns))
+        cadence, missed = state.cadence.after(person.stamp_ns)
+        events["missed"] += missed
+        return replace(state, lock=lock, cadence=cadence)
+
+    def _arm(self, state: PerceptionState, person: SkeletonFrame) -> list[Point]:
+        """The J watched joints in the source's axes.
+
+        Raises:
+            DataError: They cannot be believed.
+        """
+        settings, calibration = self.settings, state.calibration
+        wanted = calibration.frame_id if calibration else settings.frame_id
+        if wanted and person.frame_id != wanted:
+            raise DataError("unknown_frame", f"positions are in '{person.frame_id}', not in '{wanted}'")
+        given = settings.axes == "given"  # then the shoulder itself may be the origin
+        points = believed(person, settings.sided_names, settings.min_confidence, zero_root_allowed=given)
+        known = calibration.bone_lengths_m if calibration else None
+        check_bones(bone_lengths(points), known, settings.bone_tolerance)
+        return points
+
+    def _calibrated(
+        self, state: PerceptionState, person: SkeletonFrame, arm: list[Point]
+    ) -> tuple[PerceptionState, str, str]:
+        """Add a frame to the neutral second, and end it when the person stood still for all of it.
+
+        Returns:
+            The state, in which the calibration is still None unless this frame completed it; an outcome and why.
+
+        Raises:
+            DataError: The trunk cannot be believed.
+        """
+        settings, torso = self.settings, self.settings.axes == "torso"
+        newest = neutral_frame(person, arm[0], bone_lengths(arm), torso, settings.min_confidence)
+        frames = with_newest(state.neutral, newest, settings.calibration_s, settings.max_gap_s)
+        state = replace(state, neutral=frames)
+        if newest.stamp_ns - frames[0].stamp_ns < settings.calibration_s * FULL_SECOND * 1e9:
+            return state, "calibrating", ""
+        strayed = strayed_m(frames)
+        if strayed > settings.calibration_still_m:
+            return state, "moving", f"trunk strayed {strayed:.3f} m, wait for {settings.calibration_s:g} s of standing"
+        try:
+            found = calibrate(frames, person.frame_id, settings.side, torso, settings.source_axes)
+        except DataError as error:
+            return state, error.reason, error.detail
+        return replace(state, calibration=found, neutral=()), "calibrated", ""
+
+    def _outgrown(
+        self, state: PerceptionState, person: SkeletonFrame, error: DataError, events: Counter[str]
+    ) -> PerceptionState:
+        """Calibrate again when nothing but the bones has been wrong for long: they are somebody else's."""
+        if error.reason != "bone_length" or self.settings.calibration or not state.calibration:
+            return state
+        used_ns = state.stream.grid.sample_ns if state.stream else state.calibration.stamp_ns
+        if person.stamp_ns - used_ns <= self.settings.forget_ns:
+            return state
+        events["forgotten"] += 1
+        return replace(self.init(), counts=state.counts)
+
+    def _sampled(
+        self, state: PerceptionState, calibration: Calibration, stamp_ns: int, arm: list[Point], events: Counter[str]
+    ) -> _Stepped:
+        """Resample up to this frame and make a window of each new point."""
+        settings, stream, filled = self.settings, state.stream, False
+        arm_m = in_arm_frame(np.array(arm), calibration)
+        if stream and stamp_ns - stream.grid.sample_ns > settings.max_gap_ns:
+            events["gap_reset"] += 1
+            stream = None
+        if stream:
+            filled = state.cadence is not None and state.cadence.is_gap(stamp_ns - stream.grid.sample_ns)
+            stream, rows = extended(stream, stamp_ns, arm_m, settings)
+        else:
+            stream, rows = begun(stamp_ns, arm_m, settings)
+        windows = tuple(FeatureWindow(stamp, ARM_FRAME, settings.joint_names, features) for stamp, features in rows)
+        events["windows"] += len(windows)
+        events["filled"] += max(0, len(windows) - 1) * filled
+        return replace(state, stream=stream), windows
+
+
+def _ended(
+    state: PerceptionState,
+    events: Counter[str],
+    outcome: str,
+    detail: str = "",
+    windows: tuple[FeatureWindow, ...] = (),
+) -> _Stepped:
+    """Count the outcome and the events of a message."""
+    counts = dict(state.counts)
+    for event, number in ((outcome, 1), *events.items()):
+        if number:
+            counts[event] = counts.get(event, 0) + number
+    return replace(state, counts=counts, outcome=outcome, detail=detail), windows
