@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What every test may rely on: a ROS 2 domain of its own, one thread, recordings if any, nothing left running."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import signal
+import tempfile
+import time
+import uuid
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+LAST_DOMAIN = 101
+"""Above it the ports of a domain reach into those that Linux hands out to anybody (32768 and up)."""
+
+MARK = f"MILD_TEST_SESSION={uuid.uuid4().hex}"
+"""In the environment of everything that this session starts, however deep and wherever it moves to."""
+
+
+def _holds(path: Path) -> bool:
+    """Whether the lock `path` could be taken; it is held as long as this process lives."""
+    try:
+        fcntl.flock(os.open(path, os.O_CREAT | os.O_RDWR), fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    return True
+
+
+def _free_domain() -> int:
+    """A domain that no other test session on this machine has."""
+    for domain in range(1, LAST_DOMAIN + 1):
+        if _holds(Path(tempfile.gettempdir(), f"mild_ros-test-domain-{domain}.lock")):
+            return domain
+    raise pytest.UsageError(f"all ROS 2 domains from 1 to {LAST_DOMAIN} are held by other test sessions")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Before any import of numpy or rclpy: both read their environment once."""
+    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
+        os.environ[variable] = "1"
+    os.environ["ROS_DOMAIN_ID"] = str(_free_domain())
+    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    os.environ["ROS_LOG_DIR"] = tempfile.mkdtemp(prefix="mild_ros-test-log-")
+    os.environ["MPLBACKEND"] = "Agg"
+    name, _, value = MARK.partition("=")
+    os.environ[name] = value
+
+
+@pytest.fixture(scope="session")
+def ros_domain() -> int:
+    """The ROS 2 domain that is this session's alone; already in the environment, for children too."""
+    return int(os.environ["ROS_DOMAIN_ID"])
+
+
+@pytest.fixture(scope="session")
+def mild_data() -> Path:
+    """The folder of recordings, which are nobody's to publish again: $MILD_DATA, or shared/data beside the checkout."""
+    return _existing("MILD_DATA", ROOT.parent / "shared" / "data", "recordings")
+
+
+@pytest.fixture(scope="session")
+def shared_bags() -> Path:
+    """The folder of bags recorded from real trackers: $MILD_BAGS, or shared/bags beside the checkout."""
+    return _existing("MILD_BAGS", ROOT.parent / "shared" / "bags", "real bags")
+
+
+def _existing(variable: str, default: Path, what: str) -> Path:
+    folder = Path(os.environ.get(variable) or default)
+    if not folder.is_dir():
+        pytest.skip(f"no {what}: {folder} is no folder; name it in {variable}")
+    return folder
+
+
+def processes_left(mark: str) -> dict[int, str]:
+    """Process id and command line of everything alive whose environment holds `mark`, this process excepted."""
+    found = {}
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            if int(folder.name) == os.getpid() or mark.encode() not in (folder / "environ").read_bytes().split(b"\0"):
+                continue
+            command = (folder / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace").strip()
+        except OSError:  # it ended meanwhile, or is another user's
+            continue
+        if command and "multiprocessing.resource_tracker" not in command:  # Python's own: ends with this process
+            found[int(folder.name)] = command
+    return found
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _nothing_left_running() -> Iterator[None]:
+    """Fail the last test of a module whose processes outlive it by five seconds, and end them."""
+    before = processes_left(MARK)
+    yield
+    deadline = time.monotonic() + 5
+    while (left := {pid: line for pid, line in processes_left(MARK).items() if pid not in before}) and (
+        time.monotonic() < deadline
+    ):
+        time.sleep(0.05)
+    for pid in left:
+        os.kill(pid, signal.SIGKILL)
+    assert not left, f"still running: {left}"
