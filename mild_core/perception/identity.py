@@ -31,6 +31,7 @@ class Lock:
 
     Attributes:
         person_id: The tracker's number then.
+        frame_id: The tf frame of the places.
         trunk_m: Places [m] of `TRUNK`, None for those never seen.
         stamp_ns: Stamp of the frame.
         received_ns: When it came, on the clock of `now_ns`: people are forgotten by this one, because a message
@@ -38,59 +39,64 @@ class Lock:
     """
 
     person_id: int
+    frame_id: str
     trunk_m: Trunk
     stamp_ns: int
     received_ns: int
 
 
-def trunk_of(person: SkeletonFrame) -> Trunk:
-    """Places [m] of `TRUNK` in the frame's axes."""
-    return tuple(seen_joint(person, name) for name in TRUNK)
+@dataclass(frozen=True)
+class Seen:
+    """A person in a message, and where their `TRUNK` is [m]."""
+
+    person: SkeletonFrame
+    trunk_m: Trunk
 
 
-def locked_on(lock: Lock | None, person: SkeletonFrame, received_ns: int) -> Lock:
+def locked_on(lock: Lock | None, seen: Seen, received_ns: int) -> Lock:
     """The lock after this frame; parts of the trunk that it hides stay where they were."""
-    trunk = trunk_of(person)
-    if lock is not None:
+    trunk, person = seen.trunk_m, seen.person
+    if lock is not None and None in trunk:
         trunk = tuple(new or old for new, old in zip(trunk, lock.trunk_m, strict=True))
-    return Lock(person.person_id, trunk, person.stamp_ns, received_ns)
+    return Lock(person.person_id, person.frame_id, trunk, person.stamp_ns, received_ns)
 
 
-def find_person(lock: Lock | None, people: tuple[SkeletonFrame, ...], reach_m: float) -> SkeletonFrame | None:
+def find_person(lock: Lock | None, people: tuple[SkeletonFrame, ...], reach_m: float) -> Seen | None:
     """The watched person among people; without a lock the one nearest to the origin of the axes.
 
     Args:
         lock: Who is watched.
-        people: One or more.
+        people: Any number.
         reach_m: How far from the last place a body with another number may be.
 
     Returns:
         None when nobody can be them.
     """
+    everyone = [Seen(person, tuple(seen_joint(person, name) for name in TRUNK)) for person in people]
     if lock is None:
-        return min(people, key=_distance_from_origin)
+        return min(everyone, key=_distance_from_origin, default=None)
     best, least = None, math.inf
-    for person in people:
-        same = person.person_id == lock.person_id
-        distance = _moved(lock, person)
+    for seen in everyone:
+        same = seen.person.person_id == lock.person_id
+        distance = _moved(lock, seen)
         if distance is None and same:
             distance = 0.0
-        hidden_s = max(0.0, (person.stamp_ns - lock.stamp_ns) * 1e-9)
+        hidden_s = max(0.0, (seen.person.stamp_ns - lock.stamp_ns) * 1e-9)
         if distance is None or distance > reach_m + same * RUNNING_M_S * hidden_s:
             continue
         score = distance - same * SAME_NUMBER_BONUS_M
         if score < least:
-            best, least = person, score
+            best, least = seen, score
     return best
 
 
-def _moved(lock: Lock, person: SkeletonFrame) -> float | None:
+def _moved(lock: Lock, seen: Seen) -> float | None:
     """Mean distance [m] between the trunk then and now; None without a common joint."""
-    pairs = zip(lock.trunk_m, trunk_of(person), strict=True)
+    pairs = zip(lock.trunk_m, seen.trunk_m, strict=True)
     distances = [math.dist(then, now) for then, now in pairs if then is not None and now is not None]
     return math.fsum(distances) / len(distances) if distances else None
 
 
-def _distance_from_origin(person: SkeletonFrame) -> float:
-    places = [math.hypot(*place) for place in trunk_of(person) if place is not None]
+def _distance_from_origin(seen: Seen) -> float:
+    places = [math.hypot(*place) for place in seen.trunk_m if place is not None]
     return min(places, default=math.inf)

@@ -7,7 +7,7 @@ Every message ends in exactly one outcome, and no message is lost without being 
     calibrating, moving               part of the neutral second; the person did not stand still
     nobody, other_person              the watched person is not in it
     duplicate, out_of_order           its stamp is not later than the one before
-    unknown_frame                     its tf frame is another one
+    unknown_frame                     everyone in it is in another tf frame
     missing_joint, not_finite, zeroed, out_of_range, low_confidence, bone_length
                                       an arm joint (while calibrating also the trunk's) cannot be believed
     flat_torso, wrong_up_axis, wrong_forward_axis, mirrored
@@ -30,7 +30,7 @@ from mild_core.errors import DataError
 from mild_core.perception.arm import ARM_FRAME, in_arm_frame
 from mild_core.perception.calibration import Calibration
 from mild_core.perception.gates import Point, believed, bone_lengths, check_bones
-from mild_core.perception.identity import Lock, find_person, locked_on
+from mild_core.perception.identity import Lock, Seen, find_person, locked_on
 from mild_core.perception.neutral import FULL_SECOND, NeutralFrame, calibrate, neutral_frame, strayed_m, with_newest
 from mild_core.perception.resampling import Cadence
 from mild_core.perception.settings import PerceptionSettings
@@ -91,14 +91,17 @@ class Perception:
             model's rate, several from a slower tracker or after a gap. Unusable data is counted, never raised.
         """
         events: Counter[str] = Counter()
-        state = self._rewound(state, people, events)
-        person = find_person(state.lock, people, self.settings.reacquire_distance_m) if people else None
-        if person is None:
-            return _ended(self._without(state, now_ns, events), events, "other_person" if people else "nobody")
+        known = self._in_known_frame(state, people)
+        state = self._rewound(state, known, events)
+        seen = find_person(state.lock, known, self.settings.reacquire_distance_m)
+        if seen is None:
+            absence = "other_person" if known else "unknown_frame" if people else "nobody"
+            return _ended(self._without(state, now_ns, events), events, absence)
+        person = seen.person
         if state.lock and person.stamp_ns <= state.lock.stamp_ns:
             return _ended(state, events, "duplicate" if person.stamp_ns == state.lock.stamp_ns else "out_of_order")
         events["bystanders"] += len(people) - 1
-        state = self._seen(state, person, now_ns, events)
+        state = self._locked(state, seen, now_ns, events)
         try:
             arm = self._arm(state, person)
             if state.calibration is None:
@@ -110,6 +113,13 @@ class Perception:
             return _ended(state, events, outcome, detail)
         state, windows = self._sampled(state, state.calibration, person.stamp_ns, arm, events)
         return _ended(state, events, "accepted", windows=windows)
+
+    def _in_known_frame(self, state: PerceptionState, people: tuple[SkeletonFrame, ...]) -> tuple[SkeletonFrame, ...]:
+        """Those whose positions are in the tf frame that was asked for, calibrated in, or seen first."""
+        wanted = self.settings.frame_id
+        wanted = wanted or (state.calibration.frame_id if state.calibration else "")
+        wanted = wanted or (state.lock.frame_id if state.lock else "")
+        return tuple(person for person in people if person.frame_id == wanted) if wanted else people
 
     def _rewound(
         self, state: PerceptionState, people: tuple[SkeletonFrame, ...], events: Counter[str]
@@ -128,14 +138,13 @@ class Perception:
             return replace(self.init(), counts=state.counts)
         return replace(state, cadence=state.cadence and replace(state.cadence, absent=state.cadence.absent + 1))
 
-    def _seen(
-        self, state: PerceptionState, person: SkeletonFrame, now_ns: int, events: Counter[str]
-    ) -> PerceptionState:
+    def _locked(self, state: PerceptionState, seen: Seen, now_ns: int, events: Counter[str]) -> PerceptionState:
         """Note where the watched person is and how long since the message before."""
-        lock = locked_on(state.lock, person, now_ns)
-        if state.lock is None and not any(lock.trunk_m):
+        person = seen.person
+        if state.lock is None and not any(seen.trunk_m):
             return state  # nothing of this body is visible: wait for one before choosing
         events["reacquired"] += state.lock is not None and state.lock.person_id != person.person_id
+        lock = locked_on(state.lock, seen, now_ns)
         if state.cadence is None:
             return replace(state, lock=lock, cadence=Cadence(person.stamp_ns))
         cadence, missed = state.cadence.after(person.stamp_ns)
@@ -149,9 +158,6 @@ class Perception:
             DataError: They cannot be believed.
         """
         settings, calibration = self.settings, state.calibration
-        wanted = calibration.frame_id if calibration else settings.frame_id
-        if wanted and person.frame_id != wanted:
-            raise DataError("unknown_frame", f"positions are in '{person.frame_id}', not in '{wanted}'")
         given = settings.axes == "given"  # then the shoulder itself may be the origin
         points = believed(person, settings.sided_names, settings.min_confidence, zero_root_allowed=given)
         known = calibration.bone_lengths_m if calibration else None
