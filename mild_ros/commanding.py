@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who may command the robot: one node, when its operator wants it to and nobody else does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_srvs.srv import SetBool
+
+from mild_core.retargeting.stage import Mode, RetargetingState
+from mild_core.signals import JointCommand
+from mild_ros.diagnostics import Diagnostics
+from mild_ros.messages.joint_state import joint_command_to_msg
+from mild_ros.quality_of_service import COMMAND
+
+TOPIC = "joint_command"
+
+ATTENTION = {
+    Mode.WAITING: "waiting for joint_states: the robot has not said where it is",
+    Mode.HOLDING: "holding: there is no motion to follow",
+    Mode.RETURNING: "going home: there has been no motion to follow",
+}
+"""Modes that an operator should know the reason of."""
+
+
+class Commanding:
+    """The publisher of commands, and the reasons not to use it.
+
+    Two publishers of commands would pull the robot to and fro. As soon as another one is seen, this one stops the
+    robot smoothly and falls silent, says so, and goes on when the other is gone. DDS may need two seconds to see a
+    new one and twenty to miss one that was killed.
+
+    Args:
+        node: Who commands.
+        diagnostics: Where reasons are told.
+        request: Hands `enable` or `disable` to retargeting.
+        enabled: Whether the operator wants commands from the start.
+    """
+
+    def __init__(self, node: Node, diagnostics: Diagnostics, request: Callable[[str], None], enabled: bool) -> None:
+        self._node, self._diagnostics, self._request, self._enabled = node, diagnostics, request, enabled
+        self._contested = False
+        self._publisher = node.create_publisher(JointState, TOPIC, COMMAND)
+        node.create_service(SetBool, "~/enable", self._on_enable)
+
+    def send(self, commands: tuple[JointCommand, ...]) -> None:
+        """Publish commands."""
+        for command in commands:
+            self._publisher.publish(joint_command_to_msg(command))
+            self._diagnostics.flowed(TOPIC)
+
+    def look(self, state: RetargetingState) -> None:
+        """Look for other publishers, and say what retargeting does; once a second is enough."""
+        others = self._node.count_publishers(TOPIC) - 1
+        if (others > 0) != self._contested:
+            self._contested = others > 0
+            if self._contested:
+                self._node.get_logger().error(f"{self._contest(others)}: stopping")
+            if self._enabled:
+                self._request("disable" if self._contested else "enable")
+        alarms = self._diagnostics.alarms
+        alarms.pop("contest", None)
+        alarms.pop("mode", None)
+        if self._contested:
+            alarms["contest"] = (DiagnosticStatus.ERROR, self._contest(others))
+        elif state.displaced:
+            alarms["mode"] = (DiagnosticStatus.WARN, "holding: the robot is not where it was told to be")
+        elif state.mode in ATTENTION:
+            alarms["mode"] = (DiagnosticStatus.WARN, ATTENTION[state.mode])
+        self._diagnostics.facts["mode"] = state.mode.value
+        self._diagnostics.summary = state.mode.value
+
+    def _contest(self, others: int) -> str:
+        topic = self._node.resolve_topic_name(TOPIC)
+        return f"{others} other publisher{'s' if others > 1 else ''} on {topic}: this node sends no commands"
+
+    def _on_enable(self, wish: Any, answer: Any) -> Any:
+        self._enabled = bool(wish.data)
+        answer.success = not (self._enabled and self._contested)
+        answer.message = "enabled" if self._enabled else "disabled: stops smoothly, then sends nothing"
+        if not answer.success:
+            answer.message = "will go on when no other node publishes on joint_command"
+        elif not self._contested:
+            self._request("enable" if self._enabled else "disable")
+        return answer

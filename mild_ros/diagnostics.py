@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a node tells its operator: one `/diagnostics` status a second, and a line in the log for what goes wrong."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Mapping
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.node import Node
+
+from mild_ros.clock import steady_clock
+from mild_ros.measuring import Spread, Stream
+from mild_ros.messages.stamps import time_to_msg
+
+PERIOD_S = 1.0
+SILENCE_S = 1.0
+"""A stream that should flow and has not for so long is worth a warning."""
+
+REPEAT_S = 5.0
+"""The same complaint is logged again no sooner than this."""
+
+UNREMARKABLE = {
+    "perception": {"accepted", "calibrating", "calibrated", "nobody"},
+    "inference": {"accepted"},
+    "retargeting": {"accepted", "tick", "measured", "enabled", "disabled", "reset", "not_enabled"},
+}
+"""Outcomes of a stage that need no warning; any other is an input that could not be used."""
+
+
+class Diagnostics:
+    """Everything worth knowing of one node, gathered as it happens and published once a second.
+
+    Args:
+        node: Whom it is about.
+        expected: Topics that should flow; silence on them is a warning.
+        hardware_id: The robot or the tracker.
+        look: Called before each report, for what has to be looked up.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        expected: tuple[str, ...],
+        hardware_id: str = "",
+        look: Callable[[], None] = lambda: None,
+    ) -> None:
+        self.facts: dict[str, str] = {}
+        self.alarms: dict[str, tuple[bytes, str]] = {}
+        self.summary = "ready"
+        self._node, self._expected, self._hardware_id, self._look = node, expected, hardware_id, look
+        self._streams: dict[str, Stream] = {name: Stream() for name in expected}
+        self._spreads: dict[str, Spread] = {}
+        self._counts: dict[str, Mapping[str, int]] = {}
+        self._unusable: Counter[str] = Counter()
+        self._unreadable: Counter[str] = Counter()
+        self._complained_s: dict[str, float] = {}
+        self._reported_s = self._started_s = time.monotonic()
+        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        node.create_timer(PERIOD_S, self._report, clock=steady_clock())
+
+    def flowed(self, topic: str, stamp_ns: int | None = None) -> None:
+        """A message came or went; with its stamp, losses before it are told."""
+        self._streams.setdefault(topic, Stream()).add(time.monotonic(), stamp_ns)
+
+    def took(self, what: str, duration_ns: int) -> None:
+        """Something took a time or had an age."""
+        self._spreads.setdefault(what, Spread()).add(duration_ns)
+
+    def ended(self, stage: str, outcome: str, counts: Mapping[str, int], detail: str = "") -> None:
+        """A stage is done with an input."""
+        self._counts[stage] = counts
+        if outcome not in UNREMARKABLE[stage]:
+            self._unusable[f"{stage} {outcome}"] += 1
+            self.complain(f"{stage} {outcome}", detail)
+
+    def unreadable(self, topic: str, reason: str, detail: str) -> None:
+        """A message could not even be read."""
+        self._unreadable[reason] += 1
+        self._counts["messages"] = self._unreadable
+        self._unusable[f"{topic} {reason}"] += 1
+        self.complain(f"{topic} {reason}", detail)
+
+    def complain(self, about: str, detail: str = "") -> None:
+        """Log a warning, but the same one not all the time."""
+        now_s = time.monotonic()
+        if now_s - self._complained_s.get(about, -REPEAT_S) >= REPEAT_S:
+            self._complained_s[about] = now_s
+            self._node.get_logger().warning(f"{about}: {detail}" if detail else about)
+
+    def _report(self) -> None:
+        self._look()
+        now_s = time.monotonic()
+        level, problems = self._judged(now_s)
+        message = "; ".join(problems) or self.summary
+        status = DiagnosticStatus(level=level, message=message, hardware_id=self._hardware_id)
+        status.name = self._node.get_fully_qualified_name().lstrip("/")
+        status.values = [KeyValue(key=key, value=value) for key, value in self._values(now_s).items()]
+        stamp = time_to_msg(self._node.get_clock().now().nanoseconds)
+        array = DiagnosticArray(status=[status])
+        array.header.stamp = stamp
+        self._publisher.publish(array)
+        self._reported_s = now_s
+        self._unusable.clear()
+
+    def _judged(self, now_s: float) -> tuple[bytes, list[str]]:
+        """The level and what is wrong, the worst first."""
+        found = list(self.alarms.values())
+        for topic in self._expected:
+            newest_s = self._streams[topic].newest_s
+            silent_s = now_s - (self._started_s if newest_s is None else newest_s)
+            if silent_s > SILENCE_S:
+                ever = "yet" if newest_s is None else f"for {silent_s:.1f} s"
+                found.append((DiagnosticStatus.WARN, f"no {topic} {ever}"))
+        if self._unusable:
+            listed = ", ".join(f"{reason} {count}" for reason, count in self._unusable.most_common())
+            found.append((DiagnosticStatus.WARN, f"not usable in the last second: {listed}"))
+        found.sort(key=lambda problem: problem[0], reverse=True)
+        return (found[0][0] if found else DiagnosticStatus.OK), [text for _, text in found]
+
+    def _values(self, now_s: float) -> dict[str, str]:
+        elapsed_s = now_s - self._reported_s
+        values = dict(self.facts)
+        for topic, stream in self._streams.items():
+            values[f"{topic} rate [Hz]"] = f"{stream.take_rate_hz(elapsed_s):.1f}"
+            values[f"{topic} count"] = str(stream.count)
+            if stream.lost:
+                values[f"{topic} lost before the callback"] = str(stream.lost)
+        for what, spread in self._spreads.items():
+            if (times_ms := spread.take_ms()) is not None:
+                for name, value in zip(("p50", "p99", "max"), times_ms, strict=True):
+                    values[f"{what} {name} [ms]"] = f"{value:.3f}"
+        for stage, counts in self._counts.items():
+            values.update({f"{stage} {reason}": str(count) for reason, count in sorted(counts.items())})
+        return values

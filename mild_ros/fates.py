@@ -1,0 +1,27 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tells on `handled` what became of each input, when somebody wants to know."""
+
+from __future__ import annotations
+
+from rclpy.node import Node
+from std_msgs.msg import Header
+
+from mild_ros.messages.handled import Handled, handled_to_msg
+from mild_ros.quality_of_service import FATE
+
+
+class Fates:
+    """The fate of every input.
+
+    Args:
+        node: Whose.
+        wanted: Whether to publish them at all.
+    """
+
+    def __init__(self, node: Node, wanted: bool) -> None:
+        self._publisher = node.create_publisher(Header, "handled", FATE) if wanted else None
+
+    def report(self, stage: str, outputs: int, outcome: str, stamp_ns: int) -> None:
+        """An input is done with: how many outputs it had and how it ended."""
+        if self._publisher is not None:
+            self._publisher.publish(handled_to_msg(Handled(stage, outputs, outcome, stamp_ns)))

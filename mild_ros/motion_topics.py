@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a node tells of the motion it has inferred: to retargeting, to people and to tools."""
+
+from __future__ import annotations
+
+from rclpy.node import Node
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Float64MultiArray, String
+from trajectory_msgs.msg import JointTrajectory
+
+from mild_core.signals import MotionWindow
+from mild_ros.diagnostics import Diagnostics
+from mild_ros.messages.belief import belief_to_msg
+from mild_ros.messages.motion import motion_state_to_msg, motion_to_msg
+from mild_ros.quality_of_service import BETWEEN_STAGES, LATCHED
+
+
+class MotionTopics:
+    """Publishers of a motion.
+
+    Args:
+        node: Who infers.
+        interactions: The model's, in its order.
+        diagnostics: Where the newest motion is told too.
+    """
+
+    def __init__(self, node: Node, interactions: tuple[str, ...], diagnostics: Diagnostics) -> None:
+        self._interactions, self._diagnostics = interactions, diagnostics
+        self._newest_interaction: str | None = None
+        self._motion = node.create_publisher(JointTrajectory, "motion", BETWEEN_STAGES)
+        self._state = node.create_publisher(PointCloud2, "motion_state", BETWEEN_STAGES)
+        self._belief = node.create_publisher(Float64MultiArray, "belief", BETWEEN_STAGES)
+        self._interaction = node.create_publisher(String, "interaction", LATCHED)
+
+    def publish_motion(self, motion: MotionWindow) -> None:
+        """The pair of messages that retargeting takes."""
+        self._motion.publish(motion_to_msg(motion))
+        self._state.publish(motion_state_to_msg(motion, self._interactions))
+        self._diagnostics.flowed("motion")
+
+    def publish_motion_if_wanted(self, motion: MotionWindow) -> None:
+        """The same, unless nobody listens: building it costs more than inferring it."""
+        if self._motion.get_subscription_count() or self._state.get_subscription_count():
+            self.publish_motion(motion)
+
+    def publish_recognition(self, motion: MotionWindow) -> None:
+        """The belief; the interaction when it changes."""
+        if self._belief.get_subscription_count():
+            self._belief.publish(belief_to_msg(motion))
+        if motion.interaction != self._newest_interaction:
+            self._newest_interaction = motion.interaction
+            self._interaction.publish(String(data=motion.interaction))
+        self._diagnostics.facts.update(
+            {
+                "interaction": motion.interaction or "unknown",
+                "probability": f"{motion.probability:.3f}",
+                "phase": f"{motion.phase:.3f}",
+                "out of distribution": f"{motion.out_of_distribution:.3f}",
+            }
+        )

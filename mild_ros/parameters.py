@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One frozen dataclass is the only place where a node's parameters are written down.
+
+From its fields come the declared ROS parameters, their descriptors, the refusal of a wrong value in one line, and
+the table in the README. Every parameter is read-only: a node is set up once, and started again to be changed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import MISSING, Field, dataclass, field, fields
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from mild_core.errors import SetupError, unknown_name
+
+if TYPE_CHECKING:
+    from rcl_interfaces.msg import ParameterDescriptor
+    from rclpy.node import Node
+
+Parameters = TypeVar("Parameters")
+
+OF_ROS = ("use_sim_time", "start_type_description_service")
+"""Parameters that every ROS node has."""
+
+
+@dataclass(frozen=True)
+class About:
+    """What a parameter means beside its name, type and default.
+
+    Attributes:
+        text: One sentence for the operator.
+        unit: Unit of the number, "" when it has none.
+        minimum: Least value allowed, None for none.
+        maximum: Greatest value allowed, None for none.
+        choices: The only texts allowed, empty for any.
+    """
+
+    text: str
+    unit: str = ""
+    minimum: float | None = None
+    maximum: float | None = None
+    choices: tuple[str, ...] = ()
+
+    def range_text(self) -> str:
+        """The range as people write it, "" when there is none."""
+        if self.choices:
+            return ", ".join(f"`{choice}`" for choice in self.choices)
+        if self.minimum is None and self.maximum is None:
+            return ""
+        low = "" if self.minimum is None else f"{self.minimum:g}"
+        high = "" if self.maximum is None else f"{self.maximum:g}"
+        return f"{low} … {high}"
+
+
+def parameter(default: Any, text: str, **about: Any) -> Any:
+    """A field of a dataclass of parameters; `about` are the fields of `About`.
+
+    The default's type is the parameter's: a whole number given for a float is taken as one.
+    """
+    return field(default=default, metadata={"about": About(text, **about)})
+
+
+def about(entry: Field[Any]) -> About:
+    """What is known of one parameter."""
+    found = entry.metadata["about"]
+    assert isinstance(found, About)
+    return found
+
+
+def from_values(kind: type[Parameters], given: Mapping[str, Any]) -> Parameters:
+    """Parameters of a kind from values by name; the rest are defaults.
+
+    Raises:
+        SetupError: For a name that is unknown, or a value of the wrong type or out of range.
+    """
+    known = {entry.name: entry for entry in fields(kind)}  # type: ignore[arg-type]
+    for name in given:
+        if name not in known:
+            raise unknown_name("parameter", name, [*known, OF_ROS[0]])
+    return kind(**{name: _checked(known[name], value) for name, value in given.items()})
+
+
+def declare(node: Node, kind: type[Parameters]) -> Parameters:
+    """Declare the parameters of `kind` on `node`, read-only, with what was given on the command line or in a file.
+
+    Names that nobody declared are noticed here; ROS drops them in silence and shows them through no public method.
+
+    Raises:
+        SetupError: As `from_values`.
+    """
+    given = {
+        name: _plain(override.value)
+        for name, override in node._parameter_overrides.items()
+        if name not in OF_ROS and not name.startswith("qos_overrides.")
+    }
+    parameters = from_values(kind, given)
+    for entry in fields(kind):  # type: ignore[arg-type]
+        value = getattr(parameters, entry.name)
+        value = list(value) if isinstance(value, tuple) else value
+        node.declare_parameter(entry.name, value, _descriptor(entry), ignore_override=True)
+    return parameters
+
+
+def table_markdown(kind: type[Any]) -> str:
+    """The parameters as a Markdown table for the README."""
+    lines = ["| Parameter | Default | Unit | Range | Meaning |", "|---|---|---|---|---|"]
+    for entry in fields(kind):
+        facts = about(entry)
+        cells = (f"`{entry.name}`", _default_text(entry), facts.unit, facts.range_text(), facts.text)
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def help_text(kind: type[Any]) -> str:
+    """The parameters as plain lines for a terminal."""
+    lines = []
+    for entry in fields(kind):
+        facts = about(entry)
+        extent = facts.range_text().replace("`", "")
+        bounds = f" [{extent}{' ' + facts.unit if facts.unit else ''}]" if extent or facts.unit else ""
+        lines.append(f"  {entry.name} (default {_default_text(entry).strip('`')}){bounds}\n      {facts.text}")
+    return "\n".join(lines)
+
+
+def _default_text(entry: Field[Any]) -> str:
+    assert entry.default is not MISSING
+    if isinstance(entry.default, bool):
+        return f"`{str(entry.default).lower()}`"
+    if isinstance(entry.default, tuple):
+        return f"`[{', '.join(entry.default)}]`"
+    return f"`{entry.default}`" if entry.default != "" else '`""`'
+
+
+def _checked(entry: Field[Any], value: Any) -> Any:
+    """The value in the parameter's type and range."""
+    thing, facts, wanted = f"parameter {entry.name}", about(entry), type(entry.default)
+    if wanted is float and type(value) is int:
+        value = float(value)
+    if wanted is tuple and (value == [] or isinstance(value, list | tuple)):
+        value = tuple(value)
+        if not all(isinstance(item, str) for item in value):
+            raise SetupError(thing, f"is {list(value)}", "give a list of texts, e.g. [shoulder, elbow]")
+    if type(value) is not wanted:
+        name = {bool: "true or false", int: "a whole number", float: "a number", str: "a text", tuple: "a list"}[wanted]
+        hint = "; in YAML put quotes around it" if wanted is str else ""
+        raise SetupError(thing, f"is {value!r} ({type(value).__name__})", f"give {name}{hint}")
+    if facts.choices and value not in facts.choices:
+        raise unknown_name(thing, value, facts.choices)
+    if wanted in (int, float) and not _within(value, facts.minimum, facts.maximum):
+        unit = f" {facts.unit}" if facts.unit else ""
+        raise SetupError(thing, f"is {value:g}{unit}", f"give a value in {facts.range_text() or 'the reals'}{unit}")
+    return value
+
+
+def _within(value: float, minimum: float | None, maximum: float | None) -> bool:
+    low = -math.inf if minimum is None else minimum
+    high = math.inf if maximum is None else maximum
+    return math.isfinite(value) and low <= value <= high
+
+
+def _plain(value: Any) -> Any:
+    """A parameter's value without rclpy's array types; an empty list arrives as no value at all."""
+    if value is None:
+        return []
+    return value if isinstance(value, str | bytes) or not isinstance(value, Iterable) else list(value)
+
+
+def _descriptor(entry: Field[Any]) -> ParameterDescriptor:
+    from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+
+    facts = about(entry)
+    unit = f" [{facts.unit}]" if facts.unit else ""
+    descriptor = ParameterDescriptor(
+        name=entry.name, description=facts.text + unit, additional_constraints=facts.range_text(), read_only=True
+    )
+    if facts.minimum is not None and facts.maximum is not None:
+        if isinstance(entry.default, float):
+            bounds = FloatingPointRange(from_value=float(facts.minimum), to_value=float(facts.maximum))
+            descriptor.floating_point_range = [bounds]
+        elif isinstance(entry.default, int):
+            descriptor.integer_range = [
+                IntegerRange(from_value=int(facts.minimum), to_value=int(facts.maximum), step=1)
+            ]
+    return descriptor

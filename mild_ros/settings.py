@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What may be set of each node. What a model was trained with comes from its folder and is none of these."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mild_core.perception.settings import PerceptionSettings
+from mild_core.perception.skeletons import SOURCES
+from mild_core.retargeting.robots import ROBOTS
+from mild_core.retargeting.settings import RetargetingSettings
+from mild_ros.parameters import parameter
+
+_MODEL = parameter("yumi_buetepage_ahead", "Model: a name of `mild models`, or the path of a folder.")
+_REPORT_HANDLED = parameter(False, "Publish the fate of every input on `handled`, for a replay in lock-step.")
+
+
+@dataclass(frozen=True)
+class PerceptionParameters:
+    """Of the perception node."""
+
+    model: str = _MODEL
+    source: str = parameter("azure_kinect", "Tracker convention of the messages on `skeleton`.", choices=tuple(SOURCES))
+    joint_names: tuple[str, ...] = parameter(
+        (), "For a source that does not number joints: the joint at each place of its message, empty to pass over one."
+    )
+    source_axes: str = parameter(
+        "unknown", "For such a source: where its axes point.", choices=("optical", "rep103", "unknown")
+    )
+    frame_id: str = parameter("", "The only tf frame to accept; empty accepts the first that comes.")
+    side: str = parameter(PerceptionSettings.side, "The person's arm to watch.", choices=("right", "left"))
+    axes: str = parameter(
+        PerceptionSettings.axes,
+        "Take the person's axes from the torso at calibration, or as given: x forward, y left, z up.",
+        choices=("torso", "given"),
+    )
+    calibration_s: float = parameter(
+        PerceptionSettings.calibration_s, "How long to stand still at first.", unit="s", minimum=0.1, maximum=10.0
+    )
+    max_gap_s: float = parameter(
+        PerceptionSettings.max_gap_s, "Longest gap bridged by interpolation.", unit="s", minimum=0.01, maximum=2.0
+    )
+    min_confidence: float = parameter(
+        PerceptionSettings.min_confidence, "Least confidence of a joint that is used.", minimum=0.0, maximum=1.0
+    )
+    reacquire_distance_m: float = parameter(
+        PerceptionSettings.reacquire_distance_m,
+        "How near to where the person was last seen a body is taken for the same person.",
+        unit="m",
+        minimum=0.05,
+        maximum=5.0,
+    )
+    forget_s: float = parameter(
+        PerceptionSettings.forget_s, "How long to wait for a lost person.", unit="s", minimum=0.5, maximum=3600.0
+    )
+    report_handled: bool = _REPORT_HANDLED
+
+
+@dataclass(frozen=True)
+class InferenceParameters:
+    """Of the inference node."""
+
+    model: str = _MODEL
+    interaction: str = parameter("auto", "An interaction of the model, or `auto` to recognise it.")
+    report_handled: bool = _REPORT_HANDLED
+
+
+@dataclass(frozen=True)
+class RetargetingParameters:
+    """Of the retargeting node."""
+
+    robot: str = parameter("yumi", "Robot to command.", choices=tuple(ROBOTS))
+    enabled: bool = parameter(RetargetingSettings.start_enabled, "Follow from the start, before `~/enable` is called.")
+    control_rate_hz: float = parameter(
+        100.0, "Commands per second; a new motion causes one more at once.", unit="Hz", minimum=10.0, maximum=500.0
+    )
+    look_ahead_s: float = parameter(
+        RetargetingSettings.look_ahead_s,
+        "How far ahead a motion is read, to make up for the lag of the limits.",
+        unit="s",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    stale_after_s: float = parameter(
+        RetargetingSettings.stale_after_s,
+        "Hold when the newest motion came longer ago.",
+        unit="s",
+        minimum=0.05,
+        maximum=10.0,
+    )
+    max_age_s: float = parameter(
+        RetargetingSettings.max_age_s,
+        "Hold when the newest motion's stamp is older.",
+        unit="s",
+        minimum=0.05,
+        maximum=10.0,
+    )
+    home_after_s: float = parameter(
+        RetargetingSettings.home_after_s, "Go home after holding for so long.", unit="s", minimum=0.0, maximum=3600.0
+    )
+    home_velocity_rad_s: float = parameter(
+        RetargetingSettings.home_velocity_rad_s,
+        "Largest speed of a joint on the way home.",
+        unit="rad/s",
+        minimum=0.01,
+        maximum=3.0,
+    )
+    ramp_velocity_rad_s: float = parameter(
+        RetargetingSettings.ramp_velocity_rad_s,
+        "Largest speed that getting from the robot's pose onto a motion may add.",
+        unit="rad/s",
+        minimum=0.01,
+        maximum=10.0,
+    )
+    report_handled: bool = _REPORT_HANDLED
+
+
+@dataclass(frozen=True)
+class PipelineParameters(RetargetingParameters, InferenceParameters, PerceptionParameters):
+    """Of the pipeline node: those of the three stages, and what it shows of its inside."""
+
+    publish_intermediate: bool = parameter(True, "Publish what passes between the stages: window and motion.")
+
+
+@dataclass(frozen=True)
+class SimulationParameters:
+    """Of the simulation node."""
+
+    robot: str = parameter("yumi", "Robot to simulate.", choices=tuple(ROBOTS))
+    robot_description: str = parameter("", "Path of a URDF to use in place of our own; empty for our own.")
+    gui: bool = parameter(False, "Open a window with the robot.")
+    rate_hz: float = parameter(100.0, "Messages on `joint_states` per second.", unit="Hz", minimum=10.0, maximum=240.0)
+
+
+NODES = {
+    "perception": PerceptionParameters,
+    "inference": InferenceParameters,
+    "retargeting": RetargetingParameters,
+    "pipeline": PipelineParameters,
+    "simulation": SimulationParameters,
+}
+"""Parameters by node."""

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where the package's models and bags lie, however it was installed."""
+
+from __future__ import annotations
+
+import sys
+from functools import cache
+from pathlib import Path
+
+from mild_core.errors import SetupError, unknown_name
+
+
+@cache
+def share_folder(kind: str) -> Path:
+    """The folder of `kind` (models, bags): of the ament index, of the Python environment, or of the checkout.
+
+    Raises:
+        SetupError: There is none.
+    """
+    places = [Path(sys.prefix, "share", "mild_ros"), Path(__file__).resolve().parent.parent]
+    try:
+        from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
+
+        places.insert(0, Path(get_package_share_directory("mild_ros")))
+    except (ImportError, PackageNotFoundError, LookupError, ValueError):
+        pass  # bags are read and models evaluated where ROS is not installed
+    for place in places:
+        if (place / kind).is_dir():
+            return place / kind
+    raise SetupError(kind, f"no folder of that name in {places[0]}", "install the package again")
+
+
+def model_folder(name: str) -> Path:
+    """The folder of a model that is given by its name or by a path.
+
+    Raises:
+        SetupError: There is no such folder; the message lists those there are.
+    """
+    path = Path(name).expanduser()
+    if len(path.parts) != 1 or path.is_dir():
+        if path.is_dir():
+            return path
+        raise SetupError(
+            f"model {name}", "no such folder", f"give a folder or {' or '.join(model_names()) or 'a path'}"
+        )
+    if name not in model_names():
+        raise unknown_name("model", name, model_names())
+    return share_folder("models") / name
+
+
+def model_names() -> tuple[str, ...]:
+    """Names of the models that came with the package."""
+    return tuple(sorted(path.parent.name for path in share_folder("models").glob("*/manifest.json")))

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`simulation`: joint_command in, joint_states of a robot in PyBullet out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+
+from mild_core.errors import DataError, SetupError
+from mild_core.retargeting.robots import ROBOTS
+from mild_core.signals import JointCommand
+from mild_ros.clock import NodeClock, steady_clock
+from mild_ros.diagnostics import Diagnostics
+from mild_ros.messages.joint_state import joint_command_from_msg, joint_measurement_to_msg
+from mild_ros.parameters import declare
+from mild_ros.quality_of_service import COMMAND, STATE
+from mild_ros.running import run
+from mild_ros.settings import SimulationParameters
+from mild_ros.simulation.backend import Scene
+from mild_ros.simulation.bullet import BulletRobot
+
+LONGEST_STEP_NS = 100_000_000
+"""After a longer pause the simulation goes on from where it was, as computing all of it would take as long again."""
+
+UNTIL_CLOCK_S = 0.1
+"""Before a replay starts its clock, retargeting must hear where the robot is."""
+
+
+class SimulationNode(Node):
+    """A simulated robot, in real time or, with `use_sim_time`, at the pace of `/clock`."""
+
+    def __init__(self) -> None:
+        super().__init__("simulation")
+        parameters = declare(self, SimulationParameters)
+        robot = ROBOTS[parameters.robot]
+        if parameters.robot_description:
+            path = Path(parameters.robot_description).expanduser()
+            if not path.is_file():
+                raise SetupError("parameter robot_description", f"no file {path}", "give the path of a URDF")
+            robot = replace(robot, urdf_path=path)
+        self._robot = BulletRobot(robot, gui=parameters.gui, scene=Scene())
+        self._command: JointCommand | None = None
+        self._stepped_ns: int | None = None
+        self._diagnostics = Diagnostics(self, expected=("joint_command",), hardware_id=f"simulated {robot.name}")
+        self._states = self.create_publisher(JointState, "joint_states", STATE)
+        self._time = NodeClock(self, self._on_tick, parameters.rate_hz)
+        self._publish(self._time.now_ns())
+        if self._time.simulated:
+            self._waiting = self.create_timer(UNTIL_CLOCK_S, self._before_clock, clock=steady_clock())
+        self.create_subscription(JointState, "joint_command", self._on_command, COMMAND)
+        self.get_logger().info(f"{robot.name} stands at home")
+
+    def _on_command(self, message: Any) -> None:
+        self._diagnostics.flowed("joint_command")
+        try:
+            command = joint_command_from_msg(message)
+            unknown = sorted(set(command.joint_names) - set(self._robot.robot.joint_names))
+            if unknown:
+                raise DataError("wrong_joints", f"no joint {', '.join(unknown)}")
+        except DataError as error:
+            self._diagnostics.unreadable("joint_command", error.reason, error.detail)
+            return
+        self._command = command
+
+    def _on_tick(self, now_ns: int) -> None:
+        elapsed_ns = 0 if self._stepped_ns is None else now_ns - self._stepped_ns
+        self._stepped_ns = now_ns
+        self._robot.step(self._command, min(max(elapsed_ns, 0), LONGEST_STEP_NS) * 1e-9)
+        self._command = None
+        self._publish(now_ns)
+
+    def _publish(self, now_ns: int) -> None:
+        self._states.publish(joint_measurement_to_msg(self._robot.measure(now_ns)))
+        self._diagnostics.flowed("joint_states")
+
+    def _before_clock(self) -> None:
+        if self._stepped_ns is None:
+            self._publish(self._time.now_ns())
+        else:
+            self.destroy_timer(self._waiting)
+
+    def destroy_node(self) -> None:
+        """Close the simulation too."""
+        self._robot.close()
+        super().destroy_node()
+
+
+def main() -> int:
+    """The executable."""
+    return run("simulation", SimulationNode, SimulationParameters)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
