@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mild_core.inference.priors.recursion import backward_frames, filter_frames, forward_frames
+from mild_core.inference.priors.recursion import backward_frames, filter_frames, forward_frames, occupy_components
 from mild_core.shapes import FloatArray, read_only, require_shape
 
 
@@ -43,6 +43,11 @@ class Chain:
     def components(self) -> int:
         """K."""
         return len(self.initial)
+
+    @property
+    def order(self) -> tuple[FloatArray, FloatArray]:
+        """`initial` and `transitions`, as the recursions take them."""
+        return self.initial, self.transitions
 
     @property
     def longest(self) -> int:
@@ -108,14 +113,13 @@ def expect(chain: Chain, log_emissions: FloatArray, lengths: Sequence[int]) -> C
     log_likelihood, start = 0.0, 0
     for length in lengths:
         part = slice(start, start + length)
-        entering, leaving, emissions = (np.empty((length, chain.components)) for _ in range(3))
+        entering, leaving, emissions, starts, ends = (np.empty((length, chain.components)) for _ in range(5))
         log_likelihood += forward_frames(
-            log_emissions[part], chain.initial, chain.transitions, chain.durations, entering, leaving, emissions
+            log_emissions[part], chain.order, chain.durations, entering, leaving, emissions
         )
-        backward_frames(
-            chain.transitions, chain.durations, entering, leaving, emissions, responsibilities[part], transitions,
-            durations,
-        )  # fmt: skip
+        forward = (entering, leaving, emissions)
+        backward_frames(chain.transitions, chain.durations, forward, starts, ends, transitions, durations)
+        occupy_components(starts, ends, responsibilities[part])
         initial += responsibilities[start]
         start += length
     return ChainExpectation(responsibilities, ChainCounts(initial, transitions, durations), log_likelihood)
@@ -127,8 +131,6 @@ def component_probabilities(chain: Chain, frames: int) -> FloatArray:
     Source: the forward variable without observations of eq. 9.
     """
     weights = np.empty((frames, chain.components))
-    filter_frames(
-        np.zeros((frames, chain.components)), np.zeros((chain.components, chain.longest)), True, chain.initial,
-        chain.transitions, chain.durations, weights, np.empty(frames),
-    )  # fmt: skip
+    nothing, memory = np.zeros_like(weights), np.zeros_like(chain.durations)
+    filter_frames(nothing, memory, True, chain.order, chain.durations, weights, np.empty(frames))
     return weights

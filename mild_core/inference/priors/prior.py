@@ -15,55 +15,12 @@ from typing import ClassVar, Self
 import numpy as np
 
 from mild_core.inference.gaussian import Gaussian, mixture_moments
+from mild_core.inference.priors.belief import Belief, Filtered
 from mild_core.inference.priors.chain import Chain, ChainCounts, ChainExpectation, component_probabilities, expect
-from mild_core.inference.priors.components import (
-    estimate_components,
-    log_emissions,
-    observe_frame,
-    observe_frames,
-    quadratic_features,
-)
+from mild_core.inference.priors.components import observe_frame, observe_frames
+from mild_core.inference.priors.demonstrations import LatentFrames, estimate_components, latent_frames, log_emissions
 from mild_core.inference.priors.recursion import UNDERFLOW, filter_frames
 from mild_core.shapes import FloatArray, read_only, require_shape
-
-
-@dataclass(frozen=True, eq=False)
-class Belief:
-    """What is believed about the chain after the frames so far.
-
-    Attributes:
-        weights: (K,) over components, sums to one: h of the paper. Before the first frame: the start probabilities.
-        memory: (K, D) over components and remaining time; its rows sum to `weights`. Zero before the first frame.
-        started: Whether a frame has been seen.
-        log_likelihood: log p(newest frame | frames before), 0 before the first.
-        known: False when the newest frame was so far from every reachable component that all densities underflow.
-            The belief then moved on by time alone.
-    """
-
-    weights: FloatArray
-    memory: FloatArray
-    started: bool
-    log_likelihood: float
-    known: bool
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "weights", read_only(self.weights))
-        object.__setattr__(self, "memory", read_only(self.memory))
-
-
-@dataclass(frozen=True, eq=False)
-class Filtered:
-    """A recording seen through the online filter.
-
-    Attributes:
-        weights: (T, K) belief after each frame.
-        log_likelihoods: (T,) of each frame given those before it.
-        conditioned_means: (T, K, Z - Q) what each component expects of the controlled latent, given the observed.
-    """
-
-    weights: FloatArray
-    log_likelihoods: FloatArray
-    conditioned_means: FloatArray
 
 
 @dataclass(frozen=True)
@@ -163,17 +120,13 @@ class Prior(ABC):
         Source: MILD, section "Initialisation"; `fit` refines it.
         """
         settings = settings or FitSettings()
-        lengths = [len(z) for z in latents]
-        if not latents or min(lengths) < components:
-            raise ValueError(f"demonstrations of {lengths} frames cannot be cut into {components} parts")
-        assigned = np.concatenate([np.arange(length) * components // length for length in lengths])
-        everything = np.concatenate(list(latents))
-        size = everything.shape[1]
-        blank = Gaussian(np.zeros((components, size)), np.broadcast_to(np.eye(size), (components, size, size)))
-        responsibilities = np.eye(components)[assigned]
-        chain = cls.first_chain(components, lengths, settings)
+        frames = latent_frames(latents)
+        if min(frames.lengths) < components:
+            raise ValueError(f"demonstrations of {frames.lengths} frames cannot be cut into {components} parts")
+        assigned = np.concatenate([np.arange(length) * components // length for length in frames.lengths])
+        gaussians = estimate_components(None, np.eye(components)[assigned], frames, settings.covariance_fraction)
         phases = (np.arange(components) + 0.5) / components
-        return cls(_estimate(blank, responsibilities, everything, settings), chain, phases, observed_size)
+        return cls(gaussians, cls.first_chain(components, frames.lengths, settings), phases, observed_size)
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, FloatArray], observed_size: int) -> Self:
@@ -218,7 +171,7 @@ class Prior(ABC):
         weights, log_likelihoods = np.empty((1, self.chain.components)), np.empty(1)
         chain = self.chain
         filter_frames(
-            log_emission[None], memory, not belief.started, chain.initial, chain.transitions, chain.durations,
+            log_emission[None], memory, not belief.started, chain.order, chain.durations,
             weights, log_likelihoods,
         )  # fmt: skip
         log_likelihood = float(log_likelihoods[0])
@@ -238,14 +191,12 @@ class Prior(ABC):
         emissions, weights = (np.empty((frames, self.chain.components)) for _ in range(2))
         conditioned = np.empty((frames, self.chain.components, total - self.observed_size))
         log_likelihoods, chain = np.empty(frames), self.chain
-        observe_frames(
-            self.components.mean, self.components.covariance, np.ascontiguousarray(observed, dtype=np.float64),
-            np.ascontiguousarray(observed_covariances, dtype=np.float64), emissions, conditioned,
-        )  # fmt: skip
+        latents = np.ascontiguousarray(observed, dtype=np.float64)
+        widenings = np.ascontiguousarray(observed_covariances, dtype=np.float64)
+        gaussians = (self.components.mean, self.components.covariance)
+        observe_frames(gaussians, (latents, widenings), emissions, conditioned)
         memory = np.zeros((chain.components, chain.longest))
-        filter_frames(
-            emissions, memory, True, chain.initial, chain.transitions, chain.durations, weights, log_likelihoods
-        )
+        filter_frames(emissions, memory, True, chain.order, chain.durations, weights, log_likelihoods)
         return Filtered(weights, log_likelihoods, conditioned)
 
     def condition(
@@ -268,13 +219,10 @@ class Prior(ABC):
         """
         return [int(j) for j in component_probabilities(self.chain, frames).argmax(axis=1)]
 
-    def expect(self, latents: Sequence[FloatArray]) -> ChainExpectation:
+    def expect(self, latents: Sequence[FloatArray] | LatentFrames) -> ChainExpectation:
         """Posterior components, counts and log-likelihood of whole demonstrations, each (T, Z)."""
-        everything = np.concatenate(list(latents))
-        centre = everything.mean(axis=0)
-        centred = Gaussian(self.components.mean - centre, self.components.covariance)
-        emissions = log_emissions(centred, quadratic_features(everything - centre))
-        return expect(self.chain, emissions, [len(z) for z in latents])
+        frames = latents if isinstance(latents, LatentFrames) else latent_frames(latents)
+        return expect(self.chain, log_emissions(self.components, frames), frames.lengths)
 
     def fit(self, latents: Sequence[FloatArray], settings: FitSettings | None = None) -> Fit:
         """A new prior, by expectation maximisation that starts from this one.
@@ -288,22 +236,21 @@ class Prior(ABC):
         Source: Algorithm 1 of MILD, its EM step.
         """
         settings = settings or FitSettings()
-        everything = np.concatenate(list(latents))
-        times = np.concatenate([(np.arange(len(z)) + 0.5) / len(z) for z in latents])
-        prior, expectation = self, self.expect(latents)
+        frames = latent_frames(latents)
+        prior, expectation = self, self.expect(frames)
         history = [expectation.log_likelihood]
         for _ in range(settings.iterations):
-            responsibilities = expectation.responsibilities
-            occupancy = responsibilities.sum(axis=0)
+            shares = expectation.responsibilities
+            occupancy = shares.sum(axis=0)
             prior = type(self)(
-                _estimate(prior.components, responsibilities, everything, settings),
+                estimate_components(prior.components, shares, frames, settings.covariance_fraction),
                 self.estimate_chain(prior.chain, expectation.counts, settings),
-                np.where(occupancy > 0.0, times @ responsibilities / np.maximum(occupancy, 1e-300), prior.phases),
+                np.where(occupancy > 1e-6, frames.times @ shares / np.maximum(occupancy, 1e-6), prior.phases),
                 self.observed_size,
             )
-            expectation = prior.expect(latents)
+            expectation = prior.expect(frames)
             history.append(expectation.log_likelihood)
-            if history[-1] - history[-2] < settings.tolerance * len(everything):
+            if history[-1] - history[-2] < settings.tolerance * len(frames.times):
                 break
         return Fit(prior, tuple(history))
 
@@ -318,17 +265,8 @@ class Prior(ABC):
         log_emission, means = np.empty(components), np.empty((components, controlled))
         covariances = np.empty((components, controlled, controlled))
         observe_frame(
-            self.components.mean, self.components.covariance, np.asarray(observed, dtype=np.float64),
-            np.asarray(observed_covariance, dtype=np.float64), log_emission, means, covariances,
+            (self.components.mean, self.components.covariance),
+            (np.asarray(observed, dtype=np.float64), np.asarray(observed_covariance, dtype=np.float64)),
+            log_emission, means, covariances,
         )  # fmt: skip
         return log_emission, means, covariances
-
-
-def _estimate(previous: Gaussian, responsibilities: FloatArray, latents: FloatArray, settings: FitSettings) -> Gaussian:
-    """The M-step of the Gaussians, around the latents' mean so that squares do not cancel."""
-    centre = latents.mean(axis=0)
-    centred = latents - centre
-    widening = settings.covariance_fraction * centred.var(axis=0)
-    shifted = Gaussian(previous.mean - centre, previous.covariance)
-    found = estimate_components(shifted, responsibilities, quadratic_features(centred), widening)
-    return Gaussian(found.mean + centre, found.covariance)

@@ -18,6 +18,9 @@ from mild_core.shapes import FloatArray
 UNDERFLOW = -700.0
 """Below this logarithm a density is zero in double precision: no component can explain the frame."""
 
+NEGLIGIBLE = 1e-25
+"""An expected number of segments that changes no sum of theirs."""
+
 UNREACHABLE = 1e-250
 """A component with less mass than this before a frame cannot be the one behind it."""
 
@@ -26,47 +29,43 @@ CEILING = 1e250
 
 
 @compiled
-def predict_frame(
-    memory: FloatArray, first: bool, initial: FloatArray, transitions: FloatArray, entering: FloatArray
+def enter_components(
+    memory: FloatArray, scale: FloatArray, first: bool, chain: tuple[FloatArray, FloatArray], entering: FloatArray
 ) -> None:
     """Fill `entering` (K,): the probability that a segment of each component starts at the next frame."""
-    components = transitions.shape[0]
-    for j in range(components):
-        if first:
-            entering[j] = initial[j]
-        else:
-            total = 0.0
-            for i in range(components):
-                total += memory[i, 0] * transitions[i, j]
-            entering[j] = total
+    initial, transitions = chain
+    for j in range(initial.shape[0]):
+        total = 0.0
+        for i in range(initial.shape[0]):
+            total += scale[i] * memory[i, 0] * transitions[i, j]
+        entering[j] = initial[j] if first else total
 
 
 @compiled
-def shift_memory(memory: FloatArray, durations: FloatArray, entering: FloatArray, after: FloatArray) -> None:
-    """Let one frame pass: `after[j, r] = memory[j, r + 1] + durations[j, r] * entering[j]`; may work in place."""
+def shift_memory(
+    memory: FloatArray, scale: FloatArray, durations: FloatArray, entering: FloatArray, mass: FloatArray
+) -> None:
+    """Let one frame pass, in place, and fill `mass` (K,) with the sums over the remaining time.
+
+    `memory[j, r] = scale[j] * memory[j, r + 1] + durations[j, r] * entering[j]`, where `scale` (K,) is what the
+    frame before is still owed. Four partial sums in a fixed order: the compiler may not reorder additions itself.
+    """
     components, longest = durations.shape
+    whole = longest - longest % 4
     for j in range(components):
-        share = entering[j]
+        row, duration, share, factor = memory[j], durations[j], entering[j], scale[j]
         for r in range(longest - 1):
-            after[j, r] = memory[j, r + 1] + durations[j, r] * share
-        after[j, longest - 1] = durations[j, longest - 1] * share
-
-
-@compiled
-def sum_rows(matrix: FloatArray, sums: FloatArray) -> None:
-    """Fill `sums` (K,). Four partial sums in a fixed order: the compiler may not reorder additions by itself."""
-    rows, columns = matrix.shape
-    whole = columns - columns % 4
-    for j in range(rows):
+            row[r] = factor * row[r + 1] + duration[r] * share
+        row[longest - 1] = duration[longest - 1] * share
         s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
         for r in range(0, whole, 4):
-            s0 += matrix[j, r]
-            s1 += matrix[j, r + 1]
-            s2 += matrix[j, r + 2]
-            s3 += matrix[j, r + 3]
-        for r in range(whole, columns):
-            s0 += matrix[j, r]
-        sums[j] = (s0 + s1) + (s2 + s3)
+            s0 += row[r]
+            s1 += row[r + 1]
+            s2 += row[r + 2]
+            s3 += row[r + 3]
+        for r in range(whole, longest):
+            s0 += row[r]
+        mass[j] = (s0 + s1) + (s2 + s3)
 
 
 @compiled
@@ -93,55 +92,48 @@ def filter_frames(
     log_emissions: FloatArray,
     memory: FloatArray,
     first: bool,
-    initial: FloatArray,
-    transitions: FloatArray,
+    chain: tuple[FloatArray, FloatArray],
     durations: FloatArray,
     weights: FloatArray,
     log_likelihoods: FloatArray,
 ) -> None:
-    """Run the online filter over frames; `memory` (K, D) holds the state before the first and after the last.
+    """Run the online filter over frames.
 
     Args:
         log_emissions: (T, K) log densities of the frames.
-        memory: (K, D), changed in place.
+        memory: (K, D) belief over component and remaining time, changed in place; zero before the first frame.
         first: Whether the first frame is the first of all, so that the chain starts there.
-        initial: (K,) start probabilities.
-        transitions: (K, K), rows sum to one.
-        durations: (K, D), rows sum to one; column 0 is a duration of one frame.
+        chain: Start probabilities (K,) and transitions (K, K).
+        durations: (K, D); column 0 is a duration of one frame.
         weights: (T, K) filled with the belief after each frame.
         log_likelihoods: (T,) filled with log p(frame | frames before). A frame that no component can explain
             (every density underflows) is passed over as unobserved, and its log-likelihood, far below
             `UNDERFLOW`, tells so.
     """
-    components = transitions.shape[0]
-    entering = np.empty(components)
-    emission = np.empty(components)
-    mass = np.empty(components)
+    components, longest = durations.shape
+    entering, emission, mass = np.empty(components), np.empty(components), np.empty(components)
+    scale = np.ones(components)
     for t in range(log_emissions.shape[0]):
-        predict_frame(memory, first and t == 0, initial, transitions, entering)
-        if first and t == 0:
-            memory[:] = 0.0
-        shift_memory(memory, durations, entering, memory)
-        sum_rows(memory, mass)
+        enter_components(memory, scale, first and t == 0, chain, entering)
+        shift_memory(memory, scale, durations, entering, mass)
         largest, total = weigh_frame(log_emissions[t], mass, emission)
+        log_likelihoods[t] = largest + np.log(total)
         if not largest > UNDERFLOW:
-            log_likelihoods[t] = largest
+            log_likelihoods[t] = min(largest, UNDERFLOW)
             emission[:] = 1.0
             total = mass.sum()
-        else:
-            log_likelihoods[t] = largest + np.log(total)
         for j in range(components):
-            factor = emission[j] / total
-            weights[t, j] = mass[j] * factor
-            for r in range(memory.shape[1]):
-                memory[j, r] *= factor
+            scale[j] = emission[j] / total
+            weights[t, j] = mass[j] * scale[j]
+    for j in range(components):
+        for r in range(longest):
+            memory[j, r] *= scale[j]
 
 
 @compiled
 def forward_frames(
     log_emissions: FloatArray,
-    initial: FloatArray,
-    transitions: FloatArray,
+    chain: tuple[FloatArray, FloatArray],
     durations: FloatArray,
     entering: FloatArray,
     leaving: FloatArray,
@@ -150,89 +142,115 @@ def forward_frames(
     """The forward pass over one demonstration, scaled frame by frame.
 
     Fills, for the backward pass, `entering` (T, K): a segment starts here, before the frame is seen; `leaving`
-    (T, K): it ends here, after; `emissions` (T, K): the scaled densities. All divided by the frame's total.
+    (T, K): it ends here, after; `emissions` (T, K): the densities, divided by the frame's total.
 
     Returns:
         The log-likelihood of the demonstration.
     """
     components, longest = durations.shape
-    memory = np.zeros((components, longest))
-    mass = np.empty(components)
+    memory, mass, scale = np.zeros((components, longest)), np.empty(components), np.ones(components)
     log_likelihood = 0.0
     for t in range(log_emissions.shape[0]):
-        predict_frame(memory, t == 0, initial, transitions, entering[t])
-        shift_memory(memory, durations, entering[t], memory)
-        sum_rows(memory, mass)
+        enter_components(memory, scale, t == 0, chain, entering[t])
+        shift_memory(memory, scale, durations, entering[t], mass)
         largest, total = weigh_frame(log_emissions[t], mass, emissions[t])
         log_likelihood += largest + np.log(total)
         for j in range(components):
-            factor = emissions[t, j] / total
-            emissions[t, j] = factor
-            for r in range(longest):
-                memory[j, r] *= factor
-            leaving[t, j] = memory[j, 0]
+            emissions[t, j] /= total
+            scale[j] = emissions[t, j]
+            leaving[t, j] = memory[j, 0] * scale[j]
     return log_likelihood
+
+
+@compiled
+def explain_rest(
+    durations: FloatArray, ahead: FloatArray, entering: float, emission: float, counts: FloatArray
+) -> float:
+    """Likelihood of this frame and all after it, given that a segment of one component starts here.
+
+    Args:
+        durations: (D,) of the component.
+        ahead: (D,) likelihood of the frames after this one, by remaining time; changed to that of this one and
+            the frames after.
+        entering: Probability that it starts here.
+        emission: Scaled density of this frame.
+        counts: (D,) gets the expected number of segments that start here, by duration.
+    """
+    longest = durations.shape[0]
+    whole = longest - longest % 4
+    for r in range(longest):
+        ahead[r] = min(ahead[r] * emission, CEILING)
+    p0, p1, p2, p3 = 0.0, 0.0, 0.0, 0.0
+    for r in range(0, whole, 4):
+        p0 += durations[r] * ahead[r]
+        p1 += durations[r + 1] * ahead[r + 1]
+        p2 += durations[r + 2] * ahead[r + 2]
+        p3 += durations[r + 3] * ahead[r + 3]
+    for r in range(whole, longest):
+        p0 += durations[r] * ahead[r]
+    rest = (p0 + p1) + (p2 + p3)
+    # Most frames start no segment. What is left out is below the rounding of what is counted.
+    if entering * rest > NEGLIGIBLE:
+        for r in range(longest):
+            counts[r] += entering * durations[r] * ahead[r]
+    return rest
 
 
 @compiled
 def backward_frames(
     transitions: FloatArray,
     durations: FloatArray,
-    entering: FloatArray,
-    leaving: FloatArray,
-    emissions: FloatArray,
-    responsibilities: FloatArray,
+    forward: tuple[FloatArray, FloatArray, FloatArray],
+    starts: FloatArray,
+    ends: FloatArray,
     transition_counts: FloatArray,
     duration_counts: FloatArray,
 ) -> None:
-    """The backward pass and the expected counts of one demonstration.
+    """The backward pass over one demonstration, and its expected events.
 
-    Fills `responsibilities` (T, K), and adds to `transition_counts` (K, K) and `duration_counts` (K, D) the
-    expected numbers of transitions and of segments by their duration. Occupancy is the starts so far less the
-    ends so far, which spares keeping all T * K * D forward values.
+    Args:
+        transitions: (K, K).
+        durations: (K, D).
+        forward: `entering`, `leaving` and `emissions` of `forward_frames`.
+        starts: (T, K) filled with the probability that a segment starts at a frame, given all frames.
+        ends: (T, K) the same for its last frame.
+        transition_counts: (K, K) gets the expected transitions added.
+        duration_counts: (K, D) gets the expected segments by duration added.
     """
+    entering, leaving, emissions = forward
     frames, components = emissions.shape
     longest = durations.shape[1]
-    # `ahead[j, offset + r]`: likelihood of the frames after t given (j, r). Passing one frame back shifts r by one,
-    # so the rows slide through a buffer instead of being moved.
-    ahead = np.ones((components, frames + longest))
-    started = np.empty(components)
-    starts = np.empty((frames, components))
-    ends = np.empty((frames, components))
+    # `ahead[j, t + r]`: likelihood of the frames after t given (j, r). Going back a frame shifts r by one, so the
+    # rows slide through a buffer instead of being moved.
+    ahead, rest = np.ones((components, frames + longest)), np.empty(components)
     for back in range(frames):
         t = frames - 1 - back
-        offset = t
         for j in range(components):
-            p0, p1, p2, p3 = 0.0, 0.0, 0.0, 0.0
-            whole = longest - longest % 4
-            for r in range(0, whole, 4):
-                p0 += durations[j, r] * ahead[j, offset + r]
-                p1 += durations[j, r + 1] * ahead[j, offset + r + 1]
-                p2 += durations[j, r + 2] * ahead[j, offset + r + 2]
-                p3 += durations[j, r + 3] * ahead[j, offset + r + 3]
-            for r in range(whole, longest):
-                p0 += durations[j, r] * ahead[j, offset + r]
-            started[j] = emissions[t, j] * ((p0 + p1) + (p2 + p3))
-            starts[t, j] = entering[t, j] * started[j]
-            ends[t, j] = leaving[t, j] * ahead[j, offset]
-            weight = entering[t, j] * emissions[t, j]
-            for r in range(longest):
-                duration_counts[j, r] += weight * durations[j, r] * ahead[j, offset + r]
+            row = ahead[j, t : t + longest]
+            ends[t, j] = leaving[t, j] * row[0]
+            rest[j] = explain_rest(durations[j], row, entering[t, j], emissions[t, j], duration_counts[j])
+            starts[t, j] = entering[t, j] * rest[j]
         if t == 0:
             break
-        for j in range(components):
-            factor = emissions[t, j]
-            for r in range(longest):
-                ahead[j, offset + r] = min(ahead[j, offset + r] * factor, CEILING)
+        for i in range(components):
             total = 0.0
-            for k in range(components):
-                moved = transitions[j, k] * started[k]
+            for j in range(components):
+                moved = transitions[i, j] * rest[j]
                 total += moved
-                transition_counts[j, k] += leaving[t - 1, j] * moved
-            ahead[j, offset - 1] = min(total, CEILING)
-    occupancy = np.zeros(components)
-    for t in range(frames):
-        for j in range(components):
-            occupancy[j] = max(occupancy[j] + starts[t, j], 0.0)
-            responsibilities[t, j] = occupancy[j]
-            occupancy[j] = occupancy[j] - ends[t, j]
+                transition_counts[i, j] += leaving[t - 1, i] * moved
+            ahead[i, t - 1] = min(total, CEILING)
+
+
+@compiled
+def occupy_components(starts: FloatArray, ends: FloatArray, responsibilities: FloatArray) -> None:
+    """Fill `responsibilities` (T, K): the starts so far less the ends before.
+
+    This spares keeping all T * K * D forward values.
+    """
+    frames, components = starts.shape
+    for j in range(components):
+        occupied = 0.0
+        for t in range(frames):
+            occupied = max(occupied + starts[t, j], 0.0)
+            responsibilities[t, j] = occupied
+            occupied -= ends[t, j]

@@ -25,9 +25,7 @@ def random_chain(rng: np.random.Generator, components: int, longest: int) -> Cha
 def run_filter(chain: Chain, log_emissions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     weights, log_likelihoods = np.empty(log_emissions.shape), np.empty(len(log_emissions))
     memory = np.zeros(chain.durations.shape)
-    filter_frames(
-        log_emissions, memory, True, chain.initial, chain.transitions, chain.durations, weights, log_likelihoods
-    )
+    filter_frames(log_emissions, memory, True, chain.order, chain.durations, weights, log_likelihoods)
     return weights, log_likelihoods
 
 
@@ -79,9 +77,7 @@ def test_starting_as_if_a_segment_had_just_ended_gives_another_belief():
     log_emissions = rng.normal(0.0, 2.0, (4, 3))
     memory, weights, log_likelihoods = np.zeros((3, 4)), np.empty((4, 3)), np.empty(4)
     memory[:, 0] = chain.initial
-    filter_frames(
-        log_emissions, memory, False, chain.initial, chain.transitions, chain.durations, weights, log_likelihoods
-    )
+    filter_frames(log_emissions, memory, False, chain.order, chain.durations, weights, log_likelihoods)
     right, _ = run_filter(chain, log_emissions)
     assert abs(weights - right).max() > 0.01
 
