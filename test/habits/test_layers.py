@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The layer law: who may import whom. One package.xml has no build system to guard the borders, so this does."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from test.habits.tree import ROOT, Import, imports, is_under, plant, python_files
+
+FOUNDATION = ("mild_core.signals", "mild_core.shapes", "mild_core.errors")
+STAGES = ("mild_core.perception", "mild_core.inference", "mild_core.retargeting")
+NUMERICS = ("numpy", "numba", "ruckig", "safetensors")
+
+
+class Law(NamedTuple):
+    """For every file whose path starts with `where` (the longest match counts): what it may import of ours and others'.
+
+    `others` None: anything that is declared (test_dependencies.py) but torch.
+    """
+
+    where: str
+    ours: tuple[str, ...]
+    others: tuple[str, ...] | None
+
+
+LAWS = (
+    Law("mild_core/__init__.py", (), ()),
+    Law("mild_core/signals.py", FOUNDATION, ("numpy",)),
+    Law("mild_core/shapes.py", FOUNDATION, ("numpy",)),
+    Law("mild_core/errors.py", FOUNDATION, ("numpy",)),
+    Law("mild_core/perception/", (*FOUNDATION, "mild_core.perception"), NUMERICS),
+    Law("mild_core/inference/", (*FOUNDATION, "mild_core.inference"), NUMERICS),
+    Law("mild_core/retargeting/", (*FOUNDATION, "mild_core.retargeting"), NUMERICS),
+    Law("mild_core/pipeline.py", (*FOUNDATION, *STAGES), ("numpy",)),
+    Law(
+        "mild_core/learning/", (*FOUNDATION, *STAGES, "mild_core.pipeline", "mild_core.learning"), (*NUMERICS, "torch")
+    ),
+    Law("mild_ros/", (*FOUNDATION, *STAGES, "mild_core.pipeline", "mild_ros"), None),
+    Law("mild_ros/command_line/", ("mild_core", "mild_ros"), None),
+    Law("mild_ros/perception_node.py", (*FOUNDATION, "mild_core.perception", "mild_ros"), None),
+    Law("mild_ros/retargeting_node.py", (*FOUNDATION, "mild_core.retargeting", "mild_ros"), None),
+    Law("mild_ros/inference_node.py", (*FOUNDATION, "mild_core.inference", "mild_ros"), None),
+)
+
+
+def violations(root: Path) -> list[str]:
+    """Every import that the law forbids, as `file:line why`."""
+    found = []
+    for path in python_files(root, "mild_core", "mild_ros"):
+        name = path.relative_to(root).as_posix()
+        law = max((law for law in LAWS if name.startswith(law.where)), key=lambda law: len(law.where), default=None)
+        taken = imports(root, path)
+        if law is None:
+            found.append(f"{name}: no law covers it")
+            continue
+        found += [f"{name}:{item.line} {why}" for item in taken if (why := _broken(law, name, item))]
+        modules = {item.module.split(".")[0] for item in taken}
+        if {"rosbags", "rclpy"} <= modules:
+            found.append(f"{name}: reads bags with rosbags and needs rclpy; bags are read where ROS is not installed")
+    return found
+
+
+def _broken(law: Law, name: str, item: Import) -> str:
+    """Why `item` breaks `law` in file `name`; empty when it does not."""
+    top = item.module.split(".")[0]
+    if top == "test":
+        return "imports tests"
+    if top in ("mild_core", "mild_ros"):
+        if not any(is_under(item.module, prefix) for prefix in law.ours):
+            return f"may not import {item.module}"
+        if is_under(item.module, "mild_core.learning") and top != name.split("/")[0] and not item.lazily:
+            return f"imports {item.module} outside a function: the demo has to start without torch"
+        parts = item.module.split(".")
+        if len(parts) > 1 and parts[1].endswith("_node") and f"mild_ros/{parts[1]}.py" != name:
+            return f"imports another node, {item.module}"
+        return ""
+    if top in sys.stdlib_module_names:
+        return ""
+    if top == "torch" and (law.others is None or "torch" not in law.others):
+        return "imports torch outside mild_core/learning"
+    return f"may not import {top}" if law.others is not None and top not in law.others else ""
+
+
+PLANTED = {
+    "a stage imports another": ("mild_core/perception/x.py", "from mild_core.inference.stage import Inference"),
+    "a stage imports another by package": ("mild_core/inference/x.py", "from mild_core import retargeting"),
+    "a stage imports another relatively": ("mild_core/inference/x.py", "from ..perception import stage"),
+    "a stage imports learning": ("mild_core/inference/x.py", "def f():\n    import mild_core.learning.vae"),
+    "a stage imports the pipeline": ("mild_core/retargeting/x.py", "import mild_core.pipeline"),
+    "a stage imports torch": ("mild_core/inference/x.py", "def f():\n    import torch"),
+    "a stage imports scipy": ("mild_core/inference/x.py", "import scipy.linalg"),
+    "a signal imports a stage": ("mild_core/signals.py", "from mild_core.perception.stage import Perception"),
+    "the core imports rclpy": ("mild_core/learning/x.py", "import rclpy.node"),
+    "the core imports a message": ("mild_core/perception/x.py", "from sensor_msgs.msg import JointState"),
+    "the core imports the shell": ("mild_core/learning/x.py", "from mild_ros.bags import read"),
+    "the core imports by name": ("mild_core/perception/x.py", "import importlib\nimportlib.import_module('pybullet')"),
+    "the shell imports torch": ("mild_ros/bags.py", "from torch import nn"),
+    "the shell imports learning": ("mild_ros/replay.py", "def f():\n    from mild_core.learning import datasets"),
+    "the command line imports learning at once": ("mild_ros/command_line/x.py", "from mild_core.learning import vae"),
+    "a node imports another stage": ("mild_ros/perception_node.py", "from mild_core.inference.stage import Inference"),
+    "a node imports another node": ("mild_ros/pipeline_node.py", "from mild_ros.perception_node import PerceptionNode"),
+    "bags need rclpy": ("mild_ros/bags.py", "import rclpy\nfrom rosbags.highlevel import AnyReader"),
+    "the shell imports tests": ("mild_ros/bags.py", "from test.conftest import ROOT"),
+    "a new part of the core has no law": ("mild_core/extras/x.py", "import os"),
+}
+
+
+@pytest.mark.parametrize(("name", "text"), PLANTED.values(), ids=PLANTED)
+def test_a_planted_violation_is_rejected(tmp_path: Path, name: str, text: str) -> None:
+    plant(tmp_path, name, text)
+    assert len(violations(tmp_path)) == 1
+
+
+def test_what_the_law_allows_passes(tmp_path: Path) -> None:
+    plant(tmp_path, "mild_core/inference/x.py", "import math\nimport numpy\nfrom mild_core.signals import MotionWindow")
+    plant(tmp_path, "mild_core/learning/x.py", "import torch\nfrom mild_core.inference.model import save_model")
+    plant(tmp_path, "mild_ros/command_line/x.py", "def f():\n    from mild_core.learning import vae")
+    plant(tmp_path, "mild_ros/perception_node.py", "import rclpy\nfrom mild_core.perception.stage import Perception")
+    assert violations(tmp_path) == []
+
+
+def test_the_tree_keeps_the_law() -> None:
+    assert violations(ROOT) == []
