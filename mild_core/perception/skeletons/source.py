@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, cast
 
 from mild_core.errors import SetupError, unknown_name
 
@@ -22,6 +22,7 @@ JOINTS: tuple[str, ...] = (
 """Every joint that a `SkeletonFrame` may name; left and right are the person's own."""
 
 Axes = Literal["optical", "rep103", "unknown"]
+AXES: tuple[Axes, ...] = ("optical", "rep103", "unknown")
 """Where a source's axes point: optical is x right, y down, z away from the camera; rep103 has z up (REP-103)."""
 
 
@@ -47,12 +48,15 @@ class SkeletonSource:
     ids_per_person: int = 0
     confidence_of_colour: tuple[tuple[tuple[float, float, float], float], ...] = ()
 
-    def with_joints(self, joint_names: tuple[str, ...], axes: Axes = "unknown") -> SkeletonSource:
+    def with_axes(self, axes: str) -> SkeletonSource:
+        """This source with its positions in other axes, one of `AXES`: some drivers can be told to turn them."""
+        return replace(self, axes=cast(Axes, axes))
+
+    def with_joints(self, joint_names: tuple[str, ...]) -> SkeletonSource:
         """This source with its joints in the order given, for messages that do not number them.
 
         Args:
             joint_names: A name of `JOINTS` for each place of the message; "" for a place to pass over.
-            axes: Where the positions' axes point.
 
         Raises:
             SetupError: A name is unknown or comes twice, or none is given.
@@ -63,4 +67,4 @@ class SkeletonSource:
                 raise unknown_name("joint_names", name, JOINTS)
         if not named or len(set(named)) != len(named):
             raise SetupError("joint_names", f"{list(joint_names)} has no joints or one twice", "name each joint once")
-        return replace(self, joint_ids={place: name for place, name in enumerate(joint_names) if name}, axes=axes)
+        return replace(self, joint_ids={place: name for place, name in enumerate(joint_names) if name})

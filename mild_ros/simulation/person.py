@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A kinematic human: from the recorded track of one arm to a whole standing adult, as a depth camera would see them.
+
+Recordings hold three joints of a right arm in the arm frame (origin at the shoulder of the first frame, x forward,
+y left, z up). Here they become people of 32 joints, so that a recording enters the system the way a person does: as
+messages of a tracker, through the whole of perception. The person is synthetic but for the arm's directions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mild_core.perception.skeletons import SOURCES
+from mild_core.shapes import FloatArray, read_only, require_shape
+from mild_core.signals import SkeletonFrame
+
+BODY_JOINTS: tuple[str, ...] = tuple(SOURCES["azure_kinect"].joint_ids.values())
+"""The 32 joints of a body, in the order of the tracker's numbers."""
+
+SHOULDER_HEIGHT_M = 1.42
+"""The floor lies this far below the origin of the arm frame."""
+
+_SHOULDER = np.array([0.0, -0.185, SHOULDER_HEIGHT_M])
+
+# An adult of 1.75 m who stands, facing x, the floor between the feet being the origin [m]; the left arm hangs and the
+# right one is put on. Pelvis and shoulders lie in one plane, so that the trunk is upright exactly.
+_STANDING: dict[str, tuple[float, float, float]] = {
+    "pelvis": (0.0, 0.0, 0.96),
+    "spine": (-0.015, 0.0, 1.12),
+    "chest": (-0.02, 0.0, 1.26),
+    "neck": (-0.01, 0.0, 1.47),
+    "head": (0.015, 0.0, 1.57),
+    "nose": (0.13, 0.0, 1.59),
+    "left_eye": (0.085, 0.03, 1.635),
+    "right_eye": (0.085, -0.03, 1.635),
+    "left_ear": (0.01, 0.072, 1.61),
+    "right_ear": (0.01, -0.072, 1.61),
+    "left_clavicle": (-0.005, 0.045, 1.44),
+    "right_clavicle": (-0.005, -0.045, 1.44),
+    "left_shoulder": (0.0, 0.185, SHOULDER_HEIGHT_M),
+    "left_elbow": (-0.025, 0.235, 1.136),
+    "left_wrist": (0.035, 0.255, 0.896),
+    "left_hand": (0.055, 0.25, 0.815),
+    "left_hand_tip": (0.065, 0.24, 0.725),
+    "left_thumb": (0.085, 0.22, 0.81),
+    "left_hip": (0.0, 0.095, 0.93),
+    "left_knee": (0.015, 0.115, 0.51),
+    "left_ankle": (-0.03, 0.125, 0.09),
+    "left_foot": (0.125, 0.155, 0.025),
+    "right_hip": (0.0, -0.095, 0.93),
+    "right_knee": (0.015, -0.115, 0.51),
+    "right_ankle": (-0.03, -0.125, 0.09),
+    "right_foot": (0.125, -0.155, 0.025),
+}
+
+# How much of the right shoulder's way the rest of the trunk follows; what is not named here stays.
+_FOLLOWS = {
+    **{
+        "right_clavicle": 0.7,
+        "left_clavicle": 0.5,
+        "neck": 0.5,
+        "head": 0.5,
+        "nose": 0.5,
+        "chest": 0.35,
+        "spine": 0.15,
+    },
+    **dict.fromkeys(("left_eye", "right_eye", "left_ear", "right_ear"), 0.5),
+    **dict.fromkeys((f"left_{part}" for part in ("shoulder", "elbow", "wrist", "hand", "hand_tip", "thumb")), 0.3),
+}
+
+_WRIST = 0.75
+"""Where the wrist is on the way from elbow to hand."""
+
+BONES: tuple[tuple[str, str, float, str], ...] = (
+    ("pelvis", "spine", 0.13, "torso"),
+    ("spine", "chest", 0.14, "torso"),
+    ("chest", "neck", 0.1, "torso"),
+    ("left_shoulder", "right_shoulder", 0.07, "torso"),
+    ("left_hip", "right_hip", 0.1, "torso"),
+    ("neck", "head", 0.055, "head"),
+    ("head", "left_eye", 0.08, "head"),
+    ("head", "right_eye", 0.08, "head"),
+    ("head", "nose", 0.035, "head"),
+    ("left_ear", "right_ear", 0.03, "head"),
+    *(
+        bone
+        for side in ("left", "right")
+        for bone in (
+            (f"{side}_shoulder", f"{side}_elbow", 0.048, f"{side}_arm"),
+            (f"{side}_elbow", f"{side}_wrist", 0.04, f"{side}_arm"),
+            (f"{side}_wrist", f"{side}_hand", 0.036, f"{side}_hand"),
+            (f"{side}_hand", f"{side}_hand_tip", 0.028, f"{side}_hand"),
+            (f"{side}_hand", f"{side}_thumb", 0.016, f"{side}_hand"),
+            (f"{side}_hip", f"{side}_knee", 0.075, f"{side}_leg"),
+            (f"{side}_knee", f"{side}_ankle", 0.055, f"{side}_leg"),
+            (f"{side}_ankle", f"{side}_foot", 0.042, f"{side}_leg"),
+        )
+    ),
+)
+"""Capsules that draw a body: from joint, to joint, radius [m], part."""
+
+
+@dataclass(frozen=True)
+class ArmLengths:
+    """Bones of the right arm [m].
+
+    Attributes:
+        upper_m: Shoulder to elbow.
+        fore_m: Elbow to the middle of the hand.
+
+    Source: the defaults are an adult's (0.29 and 0.25 + 0.085); recordings have a smaller rig's, 0.18 and 0.234.
+    """
+
+    upper_m: float = 0.29
+    fore_m: float = 0.335
+
+
+ADULT = ArmLengths()
+
+
+def bodies(arm_m: FloatArray, lengths: ArmLengths = ADULT) -> FloatArray:
+    """Whole people around an arm.
+
+    Args:
+        arm_m: (T, 3, 3) shoulder, elbow, hand in the arm frame [m]. Directions of the bones and the way of the
+            shoulder are kept, lengths are not.
+        lengths: Of the arm that they get.
+
+    Returns:
+        (T, 32, 3) positions of `BODY_JOINTS` in the arm frame [m]: z up, the floor at -`SHOULDER_HEIGHT_M`.
+    """
+    require_shape("arm_m", arm_m, (None, 3, 3))
+    shoulder = arm_m[:, 0]
+    upper, fore = _directions(arm_m[:, 1] - shoulder), _directions(arm_m[:, 2] - arm_m[:, 1])
+    elbow = shoulder + lengths.upper_m * upper
+    hand = elbow + lengths.fore_m * fore
+    # The thumb points up when the forearm is bent forward; a straight arm bends nowhere, so its elbow axis is y.
+    across = _directions(np.cross(fore, np.cross(fore, upper) + np.array([0.0, 1e-9, 0.0])))
+    placed = {
+        "right_shoulder": shoulder,
+        "right_elbow": elbow,
+        "right_wrist": elbow + _WRIST * lengths.fore_m * fore,
+        "right_hand": hand,
+        "right_hand_tip": hand + 0.09 * fore,
+        "right_thumb": hand + 0.02 * fore - 0.045 * across,
+    }
+    for name, place in _STANDING.items():
+        placed[name] = np.array(place) - _SHOULDER + _FOLLOWS.get(name, 0.0) * shoulder
+    return np.stack([placed[name] for name in BODY_JOINTS], axis=1)
+
+
+def with_neutral_second(track: FloatArray, rate_hz: float, seconds: float = 1.0) -> FloatArray:
+    """A track (T, ...) whose first frame is held for a while before it, as calibration needs it."""
+    return np.concatenate([np.repeat(track[:1], round(rate_hz * seconds), axis=0), track])
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A depth camera and where it stands.
+
+    Attributes:
+        frame_id: Of its optical frame: x right, y down, z away from it.
+        arm_from_camera: (4, 4) the camera's pose in the arm frame.
+    """
+
+    frame_id: str = "depth_camera_link"
+    arm_from_camera: FloatArray = field(default_factory=lambda: looking_at((2.2, 0.7, 0.15), (0.0, 0.2, -0.4)))
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "arm_from_camera", read_only(self.arm_from_camera))
+        require_shape("arm_from_camera", self.arm_from_camera, (4, 4))
+
+    def sees(self, positions_m: FloatArray) -> FloatArray:
+        """Positions (..., 3) of the arm frame in the camera's optical frame [m]."""
+        seen: FloatArray = (positions_m - self.arm_from_camera[:3, 3]) @ self.arm_from_camera[:3, :3]
+        return seen
+
+
+def looking_at(camera_m: tuple[float, float, float], target_m: tuple[float, float, float]) -> FloatArray:
+    """(4, 4) pose of an upright camera's optical frame at one place that looks at another, both z up [m].
+
+    Source: REP-103, suffix frames.
+    """
+    away = _directions(np.subtract(target_m, camera_m))
+    right = _directions(np.cross(away, [0.0, 0.0, 1.0]))
+    pose = np.eye(4)
+    pose[:3, :3] = np.stack([right, np.cross(away, right), away], axis=1)
+    pose[:3, 3] = camera_m
+    return pose
+
+
+def skeleton_frames(
+    body_m: FloatArray, rate_hz: float, start_ns: int, camera: Camera | None = None, person_id: int = 1
+) -> Iterator[SkeletonFrame]:
+    """People as a tracker reports them.
+
+    Args:
+        body_m: (T, 32, 3) as `bodies` makes them.
+        rate_hz: Of the tracker.
+        start_ns: Stamp of the first frame.
+        camera: Where they are seen from.
+        person_id: The tracker's number for the person.
+
+    Yields:
+        T frames in the camera's optical frame, all joints seen.
+    """
+    camera = camera or Camera()
+    confidence = read_only(np.ones(len(BODY_JOINTS)))
+    for index, positions in enumerate(camera.sees(body_m)):
+        stamp_ns = start_ns + round(index * 1e9 / rate_hz)
+        yield SkeletonFrame(stamp_ns, camera.frame_id, person_id, BODY_JOINTS, positions, confidence)
+
+
+def _directions(vectors: FloatArray) -> FloatArray:
+    """Unit vectors along the last axis; a zero vector stays zero."""
+    unit: FloatArray = vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)
+    return unit
