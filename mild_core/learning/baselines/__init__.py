@@ -1,0 +1,15 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Plain methods that every table of errors holds beside ours, one file each."""
+
+from __future__ import annotations
+
+from mild_core.learning.baseline import Baseline
+from mild_core.learning.baselines.action_mean import ACTION_MEAN
+from mild_core.learning.baselines.gru import GRU
+from mild_core.learning.baselines.kernel_ridge import KERNEL_RIDGE
+from mild_core.learning.baselines.ridge import RIDGE
+from mild_core.learning.baselines.time_indexed_mean import TIME_INDEXED_MEAN
+
+BASELINES: dict[str, Baseline] = {
+    baseline.name: baseline for baseline in (ACTION_MEAN, TIME_INDEXED_MEAN, RIDGE, KERNEL_RIDGE, GRU)
+}

@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which trials are learned from and which are held out."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from mild_core.learning.demonstration import Demonstration
+
+FOLDS = 4
+
+
+@dataclass(frozen=True)
+class Fold:
+    """One division of the trials."""
+
+    learned: tuple[Demonstration, ...]
+    held_out: tuple[Demonstration, ...]
+
+
+def folds_of(demonstrations: Sequence[Demonstration], count: int = FOLDS) -> tuple[Fold, ...]:
+    """Divide trials so that each is held out once and each interaction is spread evenly.
+
+    A trial's fold is its index within its interaction modulo `count`; windows of one trial are never divided, because
+    they overlap.
+
+    Args:
+        demonstrations: In the order of the recording.
+        count: Number of folds.
+
+    Source: METHOD §3.
+    """
+    seen: Counter[str] = Counter()
+    fold_of = []
+    for demonstration in demonstrations:
+        fold_of.append(seen[demonstration.interaction] % count)
+        seen[demonstration.interaction] += 1
+    paired = tuple(zip(fold_of, demonstrations, strict=True))
+    return tuple(
+        Fold(tuple(d for f, d in paired if f != index), tuple(d for f, d in paired if f == index))
+        for index in range(count)
+    )

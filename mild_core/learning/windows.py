@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a model sees and what it must answer: the three protocols as data, and trials cut into windows by them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from mild_core.errors import unknown_name
+from mild_core.learning.demonstration import Demonstration
+from mild_core.shapes import FloatArray
+from mild_core.signals import FeatureWindow
+
+NANOSECONDS_PER_SECOND = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """How a recording is cut into questions and answers. Figures compare only within one protocol.
+
+    Attributes:
+        name: "same", "ahead" or "next".
+        keep_every: One frame in so many is kept.
+        window: W, frames of a question and of an answer.
+        features: "positions" or "positions_velocities".
+        lead_frames: First frame of the answer relative to the newest frame of the question.
+        meaning: For people.
+    """
+
+    name: str
+    keep_every: int
+    window: int
+    features: str
+    lead_frames: int
+    meaning: str
+
+    def windows_of(self, frames: int) -> int:
+        """N, the windows of a trial of `frames` kept frames: stride 1, the resting ones included."""
+        return max(0, frames - self.window + 1 - max(0, self.lead_frames + self.window - 1))
+
+
+PROTOCOLS = {
+    protocol.name: protocol
+    for protocol in (
+        Protocol("same", 1, 40, "positions", -39, "the human's last second tells the robot's same second (the paper)"),
+        Protocol("ahead", 1, 40, "positions", 1, "the human's last second tells the robot's next second"),
+        Protocol("next", 5, 5, "positions_velocities", 1, "at a fifth of the rate, five frames tell the next five"),
+    )
+}
+"""Source: METHOD §3: "same" is the protocol of the MILD paper, "next" that of the authors' later code."""
+
+
+def protocol_named(name: str) -> Protocol:
+    """The protocol of that name.
+
+    Raises:
+        SetupError: There is none.
+    """
+    if name not in PROTOCOLS:
+        raise unknown_name("protocol", name, PROTOCOLS)
+    return PROTOCOLS[name]
+
+
+@dataclass(frozen=True, eq=False)
+class Windows:
+    """All questions and answers of one trial.
+
+    Attributes:
+        observed: (N, W, D) features.
+        controlled: (N, W, J) joint angles [rad], or (N, W, J, 3) the partner's arm [m].
+    """
+
+    observed: FloatArray
+    controlled: FloatArray
+
+
+def thin(demonstration: Demonstration, protocol: Protocol) -> Demonstration:
+    """The trial at the protocol's rate.
+
+    Frames 0, n, 2n, … are kept, as many as T // n: the published code keeps as many but spreads them from the first
+    frame to the last, which makes the rate depend on the length of the trial; here it is exactly 1/n.
+    """
+    n = protocol.keep_every
+    if n == 1:
+        return demonstration
+    kept = slice(0, demonstration.frames // n * n, n)
+    return replace(
+        demonstration,
+        rate_hz=demonstration.rate_hz / n,
+        observed_m=demonstration.observed_m[kept],
+        controlled=demonstration.controlled[kept],
+        active=demonstration.active[kept],
+    )
+
+
+def features_of(demonstration: Demonstration, kind: str) -> FloatArray:
+    """Features of each frame.
+
+    Args:
+        demonstration: At the model's rate.
+        kind: "positions" or "positions_velocities".
+
+    Returns:
+        (T, 3 J) positions [m], joint by joint; or (T, 6 J), then velocities [m/s]: the difference to the frame
+        before times the rate, zero in the first frame.
+    """
+    positions = demonstration.observed_m.reshape(demonstration.frames, -1)
+    if kind == "positions":
+        return positions
+    velocities = np.diff(positions, axis=0, prepend=positions[:1]) * demonstration.rate_hz
+    return np.concatenate([positions, velocities], axis=1)
+
+
+def cut(demonstration: Demonstration, protocol: Protocol) -> Windows:
+    """All windows of a trial, in order of time, stride 1.
+
+    Args:
+        demonstration: As recorded; it is thinned here.
+        protocol: What to cut.
+
+    Returns:
+        N windows; N is 0 for a trial too short for one.
+    """
+    trial = thin(demonstration, protocol)
+    count, width = protocol.windows_of(trial.frames), protocol.window
+    features = features_of(trial, protocol.features)
+    first = width - 1 + protocol.lead_frames
+    if count == 0:
+        return Windows(np.empty((0, width, features.shape[1])), np.empty((0, width, *trial.controlled.shape[1:])))
+    observed = np.moveaxis(sliding_window_view(features, width, axis=0), -1, 1)[:count]
+    controlled = np.moveaxis(sliding_window_view(trial.controlled, width, axis=0), -1, 1)[first : first + count]
+    return Windows(np.ascontiguousarray(observed), np.ascontiguousarray(controlled))
+
+
+def feature_windows(demonstration: Demonstration, protocol: Protocol) -> Iterator[FeatureWindow]:
+    """The questions of a trial as the signals that perception would hand to inference, stamped from its start.
+
+    Yields:
+        N windows in the arm frame; `stamp_ns` is the time of the newest frame since the start of the trial.
+    """
+    rate_hz = demonstration.rate_hz / protocol.keep_every
+    for index, features in enumerate(cut(demonstration, protocol).observed):
+        stamp_ns = round((index + protocol.window - 1) / rate_hz * NANOSECONDS_PER_SECOND)
+        yield FeatureWindow(stamp_ns, "arm", demonstration.observed_names, features)
