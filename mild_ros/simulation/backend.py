@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a simulated robot must be able to do, whoever computes it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mild_core.signals import JointCommand, JointMeasurement
+
+Point = tuple[float, float, float]
+"""x, y, z in the robot's base frame [m]."""
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Where a picture is taken from.
+
+    Attributes:
+        eye_m: The camera's place in the robot's base frame.
+        target_m: What it looks at.
+        field_of_view_deg: Vertical opening angle.
+        width: Pixels.
+        height: Pixels.
+        smoothing: Pictures are drawn this many times larger and averaged, against jagged edges.
+        shadow: Whether bodies throw shadows; takes twice the time.
+    """
+
+    eye_m: Point = (1.5, -1.6, 0.9)
+    target_m: Point = (0.25, 0.0, 0.15)
+    field_of_view_deg: float = 38.0
+    width: int = 640
+    height: int = 480
+    smoothing: int = 2
+    shadow: bool = False
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What stands around the robot.
+
+    Attributes:
+        table: Whether the robot stands on a table.
+        floor_m: Height of the floor in the robot's base frame; the table's legs end there.
+    """
+
+    table: bool = True
+    floor_m: float = -0.85
+
+
+class SimulatedRobot(Protocol):
+    """A robot that takes commands and says where it is."""
+
+    def step(self, command: JointCommand | None, duration_s: float) -> None:
+        """Let `duration_s` pass under `command`; None keeps the command before."""
+
+    def measure(self, stamp_ns: int) -> JointMeasurement:
+        """Where all movable joints are, the commanded ones first."""
+
+    def set_person(self, joints_m: Mapping[str, ArrayLike]) -> None:
+        """Show a person with these joints, by name, each (3,) in the robot's base frame; none removes the person."""
+
+    def render(self, camera: Camera) -> NDArray[np.uint8]:
+        """A picture: (height, width, 3), red, green and blue."""
+
+    def close(self) -> None:
+        """Give everything back. Calling it twice is allowed."""

@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The simulated robot obeys, with real dynamics, and can be looked at."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from mild_core.errors import SetupError
+from mild_core.retargeting.robots import ROBOTS
+from mild_core.signals import JointCommand
+from mild_ros.simulation.backend import Camera, Scene
+from mild_ros.simulation.bullet import PHYSICS_RATE_HZ, BulletRobot
+from mild_ros.simulation.figure import capsule, quaternion_from_z
+
+YUMI = ROBOTS["yumi"]
+CAMERA = Camera(width=160, height=120, smoothing=1)
+
+
+@pytest.fixture
+def simulated() -> Iterator[BulletRobot]:
+    with BulletRobot(YUMI, scene=Scene()) as robot:
+        yield robot
+
+
+def _command(positions: NDArray[np.float64], velocities: NDArray[np.float64]) -> JointCommand:
+    return JointCommand(0, YUMI.joint_names, positions, velocities)
+
+
+def test_it_starts_at_home_with_the_other_arm_at_rest(simulated: BulletRobot) -> None:
+    measured = simulated.measure(7)
+    assert measured.stamp_ns == 7
+    assert measured.joint_names[:7] == YUMI.joint_names
+    np.testing.assert_allclose(measured.positions_rad[:7], YUMI.home_rad, atol=1e-12)
+    others = dict(zip(measured.joint_names[7:], measured.positions_rad[7:], strict=True))
+    assert others == pytest.approx(dict(YUMI.rest))
+
+
+def test_it_tracks_a_smooth_motion_within_a_degree(simulated: BulletRobot) -> None:
+    steps, speed = 3 * PHYSICS_RATE_HZ, 3.0
+    phase = np.arange(7) * 0.3
+    errors = []
+    for step in range(1, steps + 1):
+        time_s = step / PHYSICS_RATE_HZ
+        amplitude = 0.4 * min(1.0, time_s) ** 2  # from rest: the robot cannot start at full speed
+        wanted = YUMI.home_rad + amplitude * np.sin(speed * time_s + phase)
+        simulated.step(_command(wanted, amplitude * speed * np.cos(speed * time_s + phase)), 1 / PHYSICS_RATE_HZ)
+        errors.append(simulated.measure(0).positions_rad[:7] - wanted)
+    rmse_deg = np.rad2deg(np.sqrt(np.mean(np.square(errors), axis=0)))
+    assert rmse_deg.max() < 1.0
+    # It is physics, not a copy of the command.
+    assert rmse_deg.min() > 1e-4
+    measured = simulated.measure(0)
+    left = dict(zip(measured.joint_names[7:], measured.positions_rad[7:], strict=True))
+    # A tenth of a degree: the left arm holds still against gravity.
+    assert left == pytest.approx(dict(YUMI.rest), abs=np.deg2rad(0.1))
+
+
+def test_an_arm_without_force_falls(simulated: BulletRobot) -> None:
+    for name in YUMI.joint_names:
+        simulated._joints[name] = (simulated._joints[name][0], 0.0)
+    simulated.step(_command(YUMI.home_rad, np.zeros(7)), 0.5)
+    # Gravity alone moves it by far more than the tenth of a degree that a holding arm keeps.
+    assert np.abs(simulated.measure(0).positions_rad[:7] - YUMI.home_rad).max() > np.deg2rad(5)
+
+
+def test_time_shorter_than_a_step_is_owed_not_lost(simulated: BulletRobot) -> None:
+    wanted = YUMI.home_rad + 0.2
+    with BulletRobot(YUMI, scene=Scene()) as other:
+        for _ in range(100):
+            simulated.step(_command(wanted, np.zeros(7)), 0.01)
+        other.step(_command(wanted, np.zeros(7)), 1.0)
+        assert np.array_equal(simulated.measure(0).positions_rad, other.measure(0).positions_rad)
+
+
+def test_commands_that_make_no_sense_change_nothing(simulated: BulletRobot) -> None:
+    nan = np.full(7, np.nan)
+    simulated.step(_command(nan, nan), 0.1)
+    simulated.step(JointCommand(0, ("no_such_joint",), np.ones(1), np.ones(1)), 0.1)
+    simulated.step(None, 0.1)
+    # A tenth of a degree, as when holding.
+    np.testing.assert_allclose(simulated.measure(0).positions_rad[:7], YUMI.home_rad, atol=np.deg2rad(0.1))
+
+
+def test_a_picture_shows_the_robot_and_the_person(simulated: BulletRobot) -> None:
+    empty = simulated.render(CAMERA)
+    assert empty.shape == (120, 160, 3)
+    assert empty.dtype == np.uint8
+    assert empty.min() < 100 < 200 < empty.max()
+    simulated.step(_command(YUMI.home_rad + np.array([0.5, 0.5, 0, 0, 0, 0, 0]), np.zeros(7)), 1.0)
+    moved = simulated.render(CAMERA)
+    # An arm that moves changes more than a hundredth of the picture.
+    assert np.mean(np.any(moved != empty, axis=2)) > 0.01
+    person = {"right_shoulder": (0.8, 0.1, 0.5), "right_elbow": (0.7, 0.1, 0.2), "right_wrist": (0.5, 0.1, 0.2)}
+    simulated.set_person(person)
+    with_person = simulated.render(CAMERA)
+    assert np.mean(np.any(with_person != moved, axis=2)) > 0.01
+    simulated.set_person(person | {"right_wrist": (0.5, 0.1, 0.45)})
+    assert np.any(simulated.render(CAMERA) != with_person)
+    simulated.set_person({"right_wrist": (np.nan, 0, 0)})
+    assert np.array_equal(simulated.render(CAMERA), moved)
+
+
+def test_a_capsule_is_closed_and_round() -> None:
+    mesh = capsule(0.1, 0.4)
+    assert np.ptp(mesh.vertices_m[:, 2]) == pytest.approx(0.4 + 2 * 0.1)
+    corners = mesh.vertices_m[mesh.triangles]
+    outward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    volume = np.einsum("fi,fi->", corners[:, 0], outward) / 6
+    # A polygon of twenty corners holds 98.4 % of its circle; the divergence theorem needs every triangle outward.
+    assert volume == pytest.approx(np.pi * 0.1**2 * 0.4 + 4 / 3 * np.pi * 0.1**3, rel=0.04)
+    assert volume > 0
+
+
+@pytest.mark.parametrize("direction", [(0, 0, 1), (0, 0, -1), (1, 0, 0), (0.6, -0.64, 0.48)])
+def test_the_turn_from_z_ends_in_the_direction(direction: tuple[float, float, float]) -> None:
+    x, y, z, w = quaternion_from_z(np.array(direction, dtype=float))
+    turned = (2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y))
+    np.testing.assert_allclose(turned, direction, atol=1e-12)
+
+
+def test_bad_descriptions_are_one_clear_line(tmp_path: Path) -> None:
+    with pytest.raises(SetupError, match="cannot load"):
+        BulletRobot(replace(YUMI, urdf_path=tmp_path / "none.urdf"))
+    renamed = tmp_path / "renamed.urdf"
+    renamed.write_text(YUMI.urdf_path.read_text().replace("yumi_joint_6_r", "another"))
+    with pytest.raises(SetupError, match="no joint yumi_joint_6_r"):
+        BulletRobot(replace(YUMI, urdf_path=renamed))
+
+
+def test_nothing_is_written_to_the_terminal() -> None:
+    program = (
+        "from mild_core.retargeting.robots import ROBOTS\n"
+        "from mild_ros.simulation.bullet import BulletRobot\n"
+        "with BulletRobot(ROBOTS['yumi']) as robot:\n"
+        "    robot.step(None, 0.1)\n"
+        "print('done')\n"
+    )
+    root = Path(__file__).parents[2]
+    ended = subprocess.run([sys.executable, "-c", program], cwd=root, capture_output=True, text=True, timeout=60)
+    assert (ended.stdout, ended.stderr, ended.returncode) == ("done\n", "", 0)
