@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol as Promise
+from typing import runtime_checkable
 
 import numpy as np
 
@@ -26,6 +27,15 @@ class Predictor(Promise):
         Returns:
             (N, W, J) joint angles [rad], in the order of `windows.cut`.
         """
+        ...
+
+
+@runtime_checkable
+class Recognising(Promise):
+    """A predictor that can also do without being told the interaction."""
+
+    def predict_recognised(self, demonstration: Demonstration) -> FloatArray:
+        """As `Predictor.predict`, but the interaction of the trial may not be looked at."""
         ...
 
 

@@ -65,5 +65,6 @@ class Recording:
     read: Callable[[Path], Demonstrations]
 
     def default_path(self) -> Path:
-        """Below $MILD_DATA, or beside the checkout where developers keep shared data."""
-        return Path(os.environ.get("MILD_DATA") or "../shared/data") / self.file
+        """Below $MILD_DATA, or beside the checkout, where developers keep shared data."""
+        beside = Path(__file__).parents[2] / ".." / "shared" / "data"
+        return Path(os.environ.get("MILD_DATA") or os.path.relpath(beside)) / self.file

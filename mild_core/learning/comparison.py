@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The table of a cross-validation: each method's error, how sure it is, and what it is relative to the bars."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mild_core.learning.baselines import BASELINES
+from mild_core.learning.cross_validation import Result
+from mild_core.learning.evaluation import BOOTSTRAP_DRAWS, Errors, TrialErrors, summarise
+from mild_core.shapes import FloatArray
+
+BARS = ("mild_paper", "kernel_ridge")
+"""What every method is compared with."""
+
+
+@dataclass(frozen=True)
+class Relative:
+    """Change of the macro error against another method on the same trials: -0.25 is a quarter less.
+
+    Attributes:
+        change: Of the means over seeds.
+        interval: 95 %, by drawing trials, the same for both.
+    """
+
+    change: float
+    interval: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One method, labels given or recognised.
+
+    Attributes:
+        method: Name in `BASELINES`.
+        title: For people.
+        labels: "given" or "recognised".
+        seeds: How many were run.
+        macro_mean: Macro squared error, mean over seeds.
+        macro_std: Its standard deviation over seeds; None with one seed.
+        errors: Of the squared errors averaged over seeds, trial by trial.
+        relative: Against each of `BARS` that was run (labels given), by its name.
+        seconds: To learn one fold, mean.
+    """
+
+    method: str
+    title: str
+    labels: str
+    seeds: int
+    macro_mean: float
+    macro_std: float | None
+    errors: Errors
+    relative: Mapping[str, Relative]
+    seconds: float
+
+
+def compare(results: Sequence[Result], interactions: Sequence[str]) -> tuple[Row, ...]:
+    """Put results of jobs together, best method first.
+
+    Args:
+        results: Of all folds of each method and seed, in any order.
+        interactions: Names to report.
+    """
+    groups: dict[tuple[str, str], dict[int, list[TrialErrors]]] = {}
+    for result in sorted(results, key=lambda one: (one.job.seed, one.job.fold)):
+        for labels, errors in result.errors.items():
+            groups.setdefault((result.job.method, labels), {}).setdefault(result.job.seed, []).extend(errors)
+    averaged = {key: _averaged(list(seeds.values())) for key, seeds in groups.items()}
+    bars = {name: averaged[name, "given"] for name in BARS if (name, "given") in averaged}
+    rows = []
+    for (method, labels), seeds in groups.items():
+        macro = [summarise(errors, interactions).macro_mse or 0.0 for errors in seeds.values()]
+        mean = averaged[method, labels]
+        rows.append(
+            Row(
+                method=method,
+                title=BASELINES[method].title,
+                labels=labels,
+                seeds=len(seeds),
+                macro_mean=float(np.mean(macro)),
+                macro_std=float(np.std(macro, ddof=1)) if len(macro) > 1 else None,
+                errors=summarise(mean, interactions),
+                relative={name: _relative(mean, bar) for name, bar in bars.items() if name != method},
+                seconds=float(np.mean([result.seconds for result in results if result.job.method == method])),
+            )
+        )
+    return tuple(sorted(rows, key=lambda row: row.macro_mean))
+
+
+def _averaged(seeds: Sequence[Sequence[TrialErrors]]) -> list[TrialErrors]:
+    """The errors of each trial, averaged over seeds window by window."""
+    by_trial: dict[int, list[TrialErrors]] = {}
+    for errors in seeds:
+        for one in errors:
+            by_trial.setdefault(one.trial, []).append(one)
+    return [
+        TrialErrors(
+            trial,
+            parts[0].interaction,
+            np.mean([part.squared for part in parts], axis=0),
+            np.mean([part.absolute for part in parts], axis=0),
+        )
+        for trial, parts in sorted(by_trial.items())
+    ]
+
+
+def _macro(errors: Sequence[TrialErrors], drawn: Mapping[str, NDArray[np.intp]]) -> FloatArray:
+    """(draws,) macro error of the trials drawn, (draws, trials) indices of each interaction."""
+    parts = []
+    for interaction, indices in drawn.items():
+        mine = [one for one in errors if one.interaction == interaction]
+        sums, counts = np.array([one.squared.sum() for one in mine]), np.array([len(one.squared) for one in mine])
+        parts.append(sums[indices].sum(axis=1) / counts[indices].sum(axis=1))
+    macro: FloatArray = np.mean(parts, axis=0)
+    return macro
+
+
+def _relative(errors: Sequence[TrialErrors], bar: Sequence[TrialErrors], seed: int = 0) -> Relative:
+    """Paired: both methods meet the same drawn trials, so what is hard for both cancels."""
+    rng = np.random.default_rng(seed)
+    names = sorted({one.interaction for one in bar})
+    trials = {name: sum(1 for one in bar if one.interaction == name) for name in names}
+    all_once = {name: np.arange(count)[None] for name, count in trials.items()}
+    drawn = {name: rng.integers(count, size=(BOOTSTRAP_DRAWS, count)) for name, count in trials.items()}
+    change = float((_macro(errors, all_once) / _macro(bar, all_once))[0] - 1)
+    low, high = np.quantile(_macro(errors, drawn) / _macro(bar, drawn) - 1, [0.025, 0.975])
+    return Relative(change, (float(low), float(high)))

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every method on trials it has not learned from: folds times seeds, spread over the machine's cores."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+from mild_core.errors import unknown_name
+from mild_core.learning.baseline import Recognising
+from mild_core.learning.baselines import BASELINES
+from mild_core.learning.datasets import DATASETS
+from mild_core.learning.evaluation import TrialErrors, errors_of_trial
+from mild_core.learning.folds import FOLDS, folds_of
+from mild_core.learning.recording import Demonstrations
+from mild_core.learning.windows import protocol_named
+
+GIVEN, RECOGNISED = "given", "recognised"
+
+ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+"""Each worker is one thread: the cores are used by the workers, and figures do not depend on how many there are."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """One method learned once: on all folds but one, from one seed."""
+
+    recording: str
+    path: Path
+    protocol: str
+    method: str
+    fold: int
+    seed: int
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """What came of a job.
+
+    Attributes:
+        job: What was done.
+        errors: Errors of the held-out trials, under "given", and under "recognised" by a method that can do without
+            being told the interaction.
+        seconds: How long learning took.
+    """
+
+    job: Job
+    errors: Mapping[str, tuple[TrialErrors, ...]]
+    seconds: float
+
+
+def jobs_of(recording: str, path: Path, protocol: str, methods: Sequence[str], seeds: int) -> tuple[Job, ...]:
+    """Every fold and seed of the methods; one seed where a seed changes nothing.
+
+    Raises:
+        SetupError: There is no such recording, protocol or method.
+    """
+    if recording not in DATASETS:
+        raise unknown_name("dataset", recording, DATASETS)
+    for method in methods:
+        if method not in BASELINES:
+            raise unknown_name("method", method, BASELINES)
+    return tuple(
+        Job(recording, path, protocol_named(protocol).name, method, fold, seed)
+        for method in methods
+        for seed in range(seeds if BASELINES[method].seeded else 1)
+        for fold in range(FOLDS)
+    )
+
+
+@lru_cache(maxsize=4)
+def _read(recording: str, path: Path) -> Demonstrations:
+    return DATASETS[recording].read(path)
+
+
+def run_job(job: Job) -> Result:
+    """Learn and predict; the same function serves one process and many.
+
+    Raises:
+        DatasetError: The recording cannot be read.
+    """
+    protocol = protocol_named(job.protocol)
+    fold = folds_of(_read(job.recording, job.path).train)[job.fold]
+    begin = time.perf_counter()
+    predictor = BASELINES[job.method].fit(fold.learned, protocol, job.seed)
+    seconds = time.perf_counter() - begin
+    errors = {GIVEN: tuple(errors_of_trial(trial, protocol, predictor.predict(trial)) for trial in fold.held_out)}
+    if isinstance(predictor, Recognising):
+        answers = ((trial, predictor.predict_recognised(trial)) for trial in fold.held_out)
+        errors[RECOGNISED] = tuple(errors_of_trial(trial, protocol, answer) for trial, answer in answers)
+    return Result(job, errors, seconds)
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Processes started inside use one thread; what the environment said before is put back."""
+    before = {name: os.environ.get(name) for name in ONE_THREAD}
+    os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            os.environ.pop(name, None)
+            os.environ.update({} if value is None else {name: value})
+
+
+def _quiet_interrupt() -> None:
+    """A worker ends at once on ctrl-C: the parent says the one line."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def run_jobs(jobs: Sequence[Job], workers: int | None = None) -> Iterator[Result]:
+    """Do all jobs, the long ones first as given, and hand out each result as it comes.
+
+    Args:
+        jobs: What to do.
+        workers: Processes; by default one per core that this process may use.
+    """
+    workers = min(workers or len(os.sched_getaffinity(0)), max(len(jobs), 1))
+    others = set(multiprocessing.active_children())
+    with _one_thread_each():
+        pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _quiet_interrupt)
+        unfinished = True
+        try:
+            for future in as_completed([pool.submit(run_job, job) for job in jobs]):
+                yield future.result()
+            unfinished = False
+        finally:
+            if unfinished:
+                for worker in set(multiprocessing.active_children()) - others:
+                    worker.terminate()
+            pool.shutdown(cancel_futures=True)

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`mild`: offline work, one file per command. Only the wanted command is imported, so each starts as fast as it can."""
+
+from __future__ import annotations
+
+import errno
+import sys
+from collections.abc import Callable, Sequence
+from functools import wraps
+from importlib import import_module
+from typing import Any
+
+import typer
+
+from mild_core.errors import MildError
+
+COMMANDS = {
+    "demo": "The main job on a bag we ship: tracker messages in, a simulated robot moves, results to look at.",
+    "replay": "A bag, or a trial of a dataset, through the real nodes.",
+    "view": "A recorded run in a 3-D page.",
+    "models": "The models here: what they learned from, how good they are.",
+    "doctor": "Checks this machine's Python, ROS 2 and network and says what to do.",
+    "train": "Learns a model from demonstrations.",
+    "evaluate": "A model's error per interaction, or a cross-validation beside the baselines.",
+}
+"""Each is the function of that name in the module of that name; the text is what `mild --help` says of it."""
+
+EXIT_SET_UP, EXIT_INTERRUPTED = 2, 130
+
+
+def _say(line: str) -> None:
+    print(f"mild: {line}", file=sys.stderr)
+
+
+def _in_one_line(command: Callable[..., Any]) -> Callable[..., None]:
+    """`command`, its faults told in one line: the only place where the command line catches them."""
+
+    @wraps(command)
+    def told(*arguments: object, **options: object) -> None:
+        try:
+            command(*arguments, **options)
+        except MildError as error:
+            _say(str(error))
+        except KeyboardInterrupt:
+            _say("interrupted")
+            raise typer.Exit(EXIT_INTERRUPTED) from None
+        except OSError as error:
+            # Faults of the disk belong to the user, all others to us, and those show where they come from.
+            if error.filename is None and error.errno not in (errno.ENOSPC, errno.EDQUOT):
+                raise
+            _say(f"{error.filename or 'the disk'}: {error.strerror}")
+        else:
+            return
+        raise typer.Exit(EXIT_SET_UP)
+
+    return told
+
+
+def _not_imported() -> None:
+    """Stands in the list of `--help` for a command that nobody asked for."""
+    raise AssertionError("a command was called that was not asked for")
+
+
+def assemble(wanted: str | None) -> typer.Typer:
+    """The command line with the `wanted` command imported and the others listed.
+
+    Args:
+        wanted: A name in `COMMANDS`; any other, or None, imports nothing.
+    """
+    app = typer.Typer(
+        name="mild",
+        help="A person's movement in, a robot's movement out. `mild COMMAND --help` tells more, with examples.",
+        no_args_is_help=True,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        rich_markup_mode="markdown",
+    )
+    app.callback()(lambda: None)
+    for name, summary in COMMANDS.items():
+        if name != wanted:
+            app.command(name, help=summary)(_not_imported)
+            continue
+        command = getattr(import_module(f"mild_ros.command_line.{name}"), name)
+        if isinstance(command, typer.Typer):
+            app.add_typer(command, name=name, short_help=summary)
+        else:
+            app.command(name, short_help=summary)(_in_one_line(command))
+    return app
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line; ends the program.
+
+    Args:
+        arguments: Without the program's name; those of the process by default.
+    """
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    wanted = next((word for word in given if not word.startswith("-")), None)
+    assemble(wanted)(args=given, prog_name="mild")
+
+
+if __name__ == "__main__":
+    main()
