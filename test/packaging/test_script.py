@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`./mild` as a newcomer meets it: help at once, one line for what cannot work, a fresh clone that sets itself up."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from test.habits.tree import plant
+from test.packaging.trees import ROOT, copy_of_checkout
+
+NO_NETWORK = "the package index cannot be reached"
+
+
+def _environment(**variables: str) -> dict[str, str]:
+    """A login without anything of ours; HOME stays, for the installers' caches."""
+    kept = {key: os.environ[key] for key in ("HOME", "SSL_CERT_FILE", "PIP_CERT") if key in os.environ}
+    return {"PATH": "/usr/bin:/bin", **kept, **variables}
+
+
+def _mild(folder: Path, *arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
+    command = [str(folder / "mild"), *arguments]
+    return subprocess.run(
+        command, cwd=folder.parent, env=_environment(**variables), capture_output=True, text=True, check=False
+    )
+
+
+@pytest.fixture(scope="module")
+def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return copy_of_checkout(tmp_path_factory.mktemp("a clone") / "mild ros")
+
+
+@pytest.mark.parametrize("arguments", [(), ("--help",), ("help",)])
+def test_help_needs_no_set_up(clone: Path, arguments: tuple[str, ...]) -> None:
+    result = _mild(clone, *arguments)
+    assert result.returncode == 0
+    assert "demo" in result.stdout
+    assert not (clone / ".venv").exists()
+
+
+def test_help_lists_every_command() -> None:
+    from typer.main import get_command
+
+    from mild_ros.command_line.main import app
+
+    offered = set(re.findall(r"^  (\w+)  +\w", _mild(ROOT, "--help").stdout, re.MULTILINE))
+    assert offered == {*get_command(app).commands, "check", "test"}
+
+
+def test_an_unknown_command_is_one_line(clone: Path) -> None:
+    result = _mild(clone, "dmeo")
+    assert (result.returncode, result.stderr.count("\n")) == (2, 1)
+    assert "'dmeo' is unknown" in result.stderr
+
+
+def test_a_wrong_python_is_one_line(clone: Path, tmp_path: Path) -> None:
+    old = plant(tmp_path, "python3.9", "#!/bin/sh\necho\n")
+    old.chmod(0o755)
+    for python in (str(old), "/nowhere/python"):
+        result = _mild(clone, "demo", MILD_PYTHON=python)
+        assert (result.returncode, result.stderr.count("\n")) == (2, 1)
+        assert "not a Python 3.11 or 3.12" in result.stderr
+
+
+def test_a_python_without_venv_is_one_line(clone: Path, tmp_path: Path) -> None:
+    bare = plant(
+        tmp_path, "python3", f'#!/bin/sh\ncase "$2" in *ensurepip*) exit 1;; esac\nexec "{sys.executable}" "$@"\n'
+    )
+    bare.chmod(0o755)
+    result = _mild(clone, "demo", MILD_PYTHON=str(bare))
+    assert (result.returncode, result.stderr.count("\n")) == (2, 1)
+    assert "apt install python3" in result.stderr
+
+
+def test_another_machine_is_one_line(clone: Path, tmp_path: Path) -> None:
+    plant(tmp_path, "uname", "#!/bin/sh\necho Linux aarch64\n").chmod(0o755)
+    result = _mild(clone, "demo", PATH=f"{tmp_path}:/usr/bin:/bin")
+    assert (result.returncode, result.stderr.count("\n")) == (2, 1)
+    assert "x86-64 Linux" in result.stderr
+
+
+def test_a_full_disk_is_one_line(clone: Path, tmp_path: Path) -> None:
+    plant(tmp_path, "df", "#!/bin/sh\nprintf 'Filesystem 1024-blocks Used Available\\nd 9 9 1000000\\n'\n").chmod(0o755)
+    result = _mild(clone, "demo", PATH=f"{tmp_path}:/usr/bin:/bin")
+    assert (result.returncode, result.stderr.count("\n")) == (2, 1)
+    assert "1 GB free" in result.stderr
+
+
+def test_no_network_is_one_line(tmp_path: Path) -> None:
+    """A proxy that nobody listens at is a network that is not there."""
+    clone = copy_of_checkout(tmp_path / "clone")
+    result = _mild(clone, "demo", HTTPS_PROXY="http://127.0.0.1:9", HTTP_PROXY="http://127.0.0.1:9")
+    assert result.returncode == 2
+    assert NO_NETWORK in result.stderr.splitlines()[-1]
+    assert "Traceback" not in result.stderr
+
+
+@pytest.mark.slow
+def test_a_fresh_clone_sets_itself_up(clone: Path) -> None:
+    """Twice at once: one does the work, the other waits for it. The third call finds everything done."""
+    command = [str(clone / "mild"), "models"]
+    options = {
+        "cwd": clone.parent,
+        "env": _environment(),
+        "stdout": subprocess.PIPE,
+        "stderr": subprocess.PIPE,
+        "text": True,
+    }
+    both = [subprocess.Popen(command, **options) for _ in range(2)]
+    said = [process.communicate(timeout=280) for process in both]
+    if any(NO_NETWORK in stderr for _, stderr in said):
+        pytest.skip("a fresh set-up needs the network")
+    assert [process.returncode for process in both] == [0, 0], said
+    assert sum("making .venv" in stderr for _, stderr in said) == 1
+    assert sum("waiting for it" in stderr for _, stderr in said) == 1
+    site = next((clone / ".venv").glob("lib/python3*/site-packages"))
+    assert not (site / "torch").exists()
+    begin = time.monotonic()
+    again = _mild(clone, "models")
+    assert (again.returncode, again.stderr) == (0, ""), again.stderr
+    assert again.stdout == said[0][0]
+    assert time.monotonic() - begin < 10  # a second on an idle machine; what is asserted is that nothing is installed
