@@ -9,9 +9,9 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
-from std_srvs.srv import SetBool
+from std_srvs.srv import SetBool, Trigger
 
-from mild_core.retargeting.stage import Mode, RetargetingState
+from mild_core.retargeting.stage import Mode, Request, RetargetingState
 from mild_core.signals import JointCommand
 from mild_ros.diagnostics import Diagnostics
 from mild_ros.messages.joint_state import joint_command_to_msg
@@ -37,15 +37,16 @@ class Commanding:
     Args:
         node: Who commands.
         diagnostics: Where reasons are told.
-        request: Hands `enable` or `disable` to retargeting.
+        request: Hands an operator's request to the stages.
         enabled: Whether the operator wants commands from the start.
     """
 
-    def __init__(self, node: Node, diagnostics: Diagnostics, request: Callable[[str], None], enabled: bool) -> None:
+    def __init__(self, node: Node, diagnostics: Diagnostics, request: Callable[[Request], None], enabled: bool) -> None:
         self._node, self._diagnostics, self._request, self._enabled = node, diagnostics, request, enabled
         self._contested = False
         self._publisher = node.create_publisher(JointState, TOPIC, COMMAND)
         node.create_service(SetBool, "~/enable", self._on_enable)
+        node.create_service(Trigger, "~/reset", self._on_reset)
 
     def send(self, commands: tuple[JointCommand, ...]) -> None:
         """Publish commands."""
@@ -61,7 +62,7 @@ class Commanding:
             if self._contested:
                 self._node.get_logger().error(f"{self._contest(others)}: stopping")
             if self._enabled:
-                self._request("disable" if self._contested else "enable")
+                self._request(Request("disable" if self._contested else "enable"))
         alarms = self._diagnostics.alarms
         alarms.pop("contest", None)
         alarms.pop("mode", None)
@@ -85,5 +86,10 @@ class Commanding:
         if not answer.success:
             answer.message = "will go on when no other node publishes on joint_command"
         elif not self._contested:
-            self._request("enable" if self._enabled else "disable")
+            self._request(Request("enable" if self._enabled else "disable"))
+        return answer
+
+    def _on_reset(self, _wish: Any, answer: Any) -> Any:
+        self._request(Request("reset"))
+        answer.success, answer.message = True, "forgot everything; stops smoothly and goes home"
         return answer

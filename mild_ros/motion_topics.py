@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Float64MultiArray, String
@@ -11,8 +13,12 @@ from trajectory_msgs.msg import JointTrajectory
 from mild_core.signals import MotionWindow
 from mild_ros.diagnostics import Diagnostics
 from mild_ros.messages.belief import belief_to_msg
+from mild_ros.messages.feature_window import feature_window_to_msg
 from mild_ros.messages.motion import motion_state_to_msg, motion_to_msg
 from mild_ros.quality_of_service import BETWEEN_STAGES, LATCHED
+
+if TYPE_CHECKING:
+    from mild_core.pipeline import PipelineOutput
 
 
 class MotionTopics:
@@ -38,10 +44,9 @@ class MotionTopics:
         self._state.publish(motion_state_to_msg(motion, self._interactions))
         self._diagnostics.flowed("motion")
 
-    def publish_motion_if_wanted(self, motion: MotionWindow) -> None:
-        """The same, unless nobody listens: building it costs more than inferring it."""
-        if self._motion.get_subscription_count() or self._state.get_subscription_count():
-            self.publish_motion(motion)
+    def are_heard(self) -> bool:
+        """Whether anybody listens to the pair."""
+        return bool(self._motion.get_subscription_count() or self._state.get_subscription_count())
 
     def publish_recognition(self, motion: MotionWindow) -> None:
         """The belief; the interaction when it changes."""
@@ -58,3 +63,28 @@ class MotionTopics:
                 "out of distribution": f"{motion.out_of_distribution:.3f}",
             }
         )
+
+
+class InsideTopics:
+    """What passes between the stages inside a pipeline, for those who listen: building it costs more than inferring it.
+
+    Args:
+        node: Who runs the pipeline.
+        topics: Of the motion.
+        wanted: Whether to publish windows and motions at all.
+    """
+
+    def __init__(self, node: Node, topics: MotionTopics, wanted: bool) -> None:
+        self._topics, self._wanted = topics, wanted
+        self._windows = node.create_publisher(PointCloud2, "feature_window", BETWEEN_STAGES)
+
+    def publish(self, output: PipelineOutput) -> None:
+        """Tell what one input led to."""
+        if self._wanted and output.windows and self._windows.get_subscription_count():
+            for window in output.windows:
+                self._windows.publish(feature_window_to_msg(window))
+        if self._wanted and output.motions and self._topics.are_heard():
+            for motion in output.motions:
+                self._topics.publish_motion(motion)
+        for motion in output.motions:
+            self._topics.publish_recognition(motion)

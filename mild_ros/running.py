@@ -85,6 +85,7 @@ def _spin(node: Node) -> None:
         executor.remove_node(node)
         node.destroy_node()
         executor.shutdown()
+        gc.unfreeze()  # compiled libraries complain of what is still there when they are unloaded
 
 
 @contextmanager

@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Inference made from parameters and a model, and run once, so that the first window is as fast as any."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mild_core.inference.model import MildModel, load_model
+from mild_core.inference.stage import Inference
+from mild_core.signals import FeatureWindow
+from mild_ros.settings import InferenceParameters
+from mild_ros.share import model_folder
+
+
+def load(model: str) -> MildModel:
+    """The model of a name or a path.
+
+    Raises:
+        SetupError: There is none, or it cannot be trusted.
+    """
+    return load_model(model_folder(model))
+
+
+def make_inference(parameters: InferenceParameters, model: MildModel) -> Inference:
+    """Inference by a model, compiled.
+
+    Raises:
+        SetupError: The model knows no such interaction.
+    """
+    stage, manifest = Inference(model, parameters.interaction), model.manifest
+    values, names = 3 if manifest.features == "positions" else 6, manifest.observed.joint_names
+    still = FeatureWindow(0, "", names, np.zeros((manifest.window, values * len(names))))
+    stage.step(stage.init(), still, 0)
+    return stage

@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All three stages made to fit each other."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from mild_core.errors import SetupError
+from mild_core.inference.model import MildModel
+from mild_core.pipeline import Pipeline, PipelineState
+from mild_core.retargeting.robots import ROBOTS
+from mild_ros.assembly.inference import make_inference
+from mild_ros.assembly.perception import make_perception
+from mild_ros.assembly.retargeting import make_retargeting
+from mild_ros.settings import PipelineParameters
+
+
+def make_pipeline(parameters: PipelineParameters, model: MildModel) -> Pipeline:
+    """Perception, inference and retargeting.
+
+    Raises:
+        SetupError: One of them cannot be made, or the model moves other joints than the robot has.
+    """
+    robot, moved = ROBOTS[parameters.robot], model.manifest.controlled.joint_names
+    if sorted(moved) != sorted(robot.joint_names):
+        problem = f"it moves {', '.join(moved)}, but {robot.name} has {', '.join(robot.joint_names)}"
+        raise SetupError(f"model {parameters.model}", problem, "choose a model of this robot")
+    perception = make_perception(parameters, model.manifest)
+    return Pipeline(perception, make_inference(parameters, model), make_retargeting(parameters))
+
+
+def forgotten(pipeline: Pipeline, state: PipelineState) -> PipelineState:
+    """The state with nothing remembered of the person, but all counts; retargeting is reset by a request."""
+    new = pipeline.init()
+    return replace(
+        state,
+        perception=replace(new.perception, counts=state.perception.counts),
+        inference=replace(new.inference, counts=state.inference.counts),
+    )

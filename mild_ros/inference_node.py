@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`inference`: windows of the watched arm in, the robot's next motion out."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from typing import Any
+
+from rclpy.node import Node
+from sensor_msgs.msg import PointCloud2
+
+from mild_core.errors import DataError
+from mild_ros.assembly.inference import load, make_inference
+from mild_ros.clock import NodeClock
+from mild_ros.diagnostics import Diagnostics
+from mild_ros.fates import Fates
+from mild_ros.messages.feature_window import feature_window_from_msg
+from mild_ros.messages.stamps import ns_from_msg
+from mild_ros.motion_topics import MotionTopics
+from mild_ros.operator_services import OperatorServices
+from mild_ros.parameters import declare
+from mild_ros.quality_of_service import BETWEEN_STAGES
+from mild_ros.running import run
+from mild_ros.settings import InferenceParameters
+
+
+class InferenceNode(Node):
+    """The inference stage and its topics."""
+
+    def __init__(self) -> None:
+        super().__init__("inference")
+        parameters = declare(self, InferenceParameters)
+        model = load(parameters.model)
+        self._joint_names = model.manifest.observed.joint_names
+        self._stage = make_inference(parameters, model)
+        self._state = self._stage.init()
+        self._diagnostics = Diagnostics(self, expected=("feature_window",))
+        self._diagnostics.facts["model"] = parameters.model
+        self._fates = Fates(self, parameters.report_handled)
+        self._topics = MotionTopics(self, model.manifest.interactions, self._diagnostics)
+        self._time = NodeClock(self)
+        self._operator = OperatorServices(self, self._diagnostics, self._reset)
+        self.create_subscription(PointCloud2, "feature_window", self._on_window, BETWEEN_STAGES)
+        self.get_logger().info(f"{parameters.model} knows {', '.join(model.manifest.interactions)}")
+
+    def _on_window(self, message: Any) -> None:
+        started_ns, now_ns = time.perf_counter_ns(), self._time.now_ns()
+        stamp_ns = ns_from_msg(message.header.stamp)
+        self._diagnostics.flowed("feature_window", stamp_ns)
+        try:
+            window = feature_window_from_msg(message, self._joint_names)
+        except DataError as error:
+            self._diagnostics.unreadable("feature_window", error.reason, error.detail)
+            self._fates.report("inference", 0, error.reason, stamp_ns)
+            return
+        if not self._operator.enabled:
+            self._fates.report("inference", 0, "not_enabled", stamp_ns)
+            return
+        self._state, motions = self._stage.step(self._state, window, now_ns)
+        for motion in motions:
+            self._topics.publish_motion(motion)
+        self._fates.report("inference", len(motions), self._state.outcome, stamp_ns)
+        for motion in motions:
+            self._topics.publish_recognition(motion)
+            self._diagnostics.summary = motion.interaction or "unknown"
+        self._diagnostics.took("step", time.perf_counter_ns() - started_ns)
+        self._diagnostics.ended("inference", self._state.outcome, self._state.counts)
+
+    def _reset(self) -> str:
+        self._state = replace(self._stage.init(), counts=self._state.counts)
+        return "forgot what it believed"
+
+
+def main() -> int:
+    """The executable."""
+    return run("inference", InferenceNode, InferenceParameters)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`perception`: a tracker's people in, windows of the watched arm out."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from typing import Any
+
+from rclpy.node import Node
+from sensor_msgs.msg import PointCloud2
+
+from mild_ros.assembly.perception import make_perception, manifest_of
+from mild_ros.clock import NodeClock
+from mild_ros.diagnostics import Diagnostics
+from mild_ros.fates import Fates
+from mild_ros.messages.feature_window import feature_window_to_msg
+from mild_ros.operator_services import OperatorServices
+from mild_ros.parameters import declare
+from mild_ros.quality_of_service import BETWEEN_STAGES, SENSOR
+from mild_ros.running import run
+from mild_ros.settings import PerceptionParameters
+from mild_ros.tracker import Tracker
+
+
+class PerceptionNode(Node):
+    """The perception stage and its topics."""
+
+    def __init__(self) -> None:
+        super().__init__("perception")
+        parameters = declare(self, PerceptionParameters)
+        self._tracker = Tracker(parameters)
+        self._stage = make_perception(parameters, manifest_of(parameters.model))
+        self._state = self._stage.init()
+        self._diagnostics = Diagnostics(self, expected=("skeleton",), hardware_id=parameters.source)
+        self._diagnostics.facts["model"] = parameters.model
+        self._fates = Fates(self, parameters.report_handled)
+        self._windows = self.create_publisher(PointCloud2, "feature_window", BETWEEN_STAGES)
+        self._time = NodeClock(self)
+        self._operator = OperatorServices(self, self._diagnostics, self._reset)
+        self.create_subscription(self._tracker.message_type, "skeleton", self._on_skeleton, SENSOR)
+        self.get_logger().info(f"watching the {parameters.side} arm for {parameters.model}")
+
+    def _on_skeleton(self, message: Any) -> None:
+        started_ns, now_ns = time.perf_counter_ns(), self._time.now_ns()
+        people, stamp_ns = self._tracker.people(message, now_ns)
+        self._diagnostics.flowed("skeleton", stamp_ns)
+        input_ns = now_ns if stamp_ns is None else stamp_ns
+        if not self._operator.enabled:
+            self._fates.report("perception", 0, "not_enabled", input_ns)
+            return
+        self._state, windows = self._stage.step(self._state, people, now_ns)
+        for window in windows:
+            self._windows.publish(feature_window_to_msg(window))
+            self._diagnostics.flowed("feature_window")
+        self._fates.report("perception", len(windows), self._state.outcome, input_ns)
+        self._diagnostics.took("step", time.perf_counter_ns() - started_ns)
+        self._diagnostics.ended("perception", self._state.outcome, self._state.counts, self._state.detail)
+        self._diagnostics.summary = self._state.outcome
+
+    def _reset(self) -> str:
+        self._state = replace(self._stage.init(), counts=self._state.counts)
+        return "stand still for the calibration"
+
+
+def main() -> int:
+    """The executable."""
+    return run("perception", PerceptionNode, PerceptionParameters)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

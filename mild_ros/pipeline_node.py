@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`pipeline`: all three stages in one process: a tracker's people in, commands out, one hop in place of three."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+
+from mild_core.errors import DataError
+from mild_core.pipeline import PipelineInput, PipelineOutput
+from mild_core.retargeting.stage import Request
+from mild_ros.assembly.inference import load
+from mild_ros.assembly.pipeline import forgotten, make_pipeline
+from mild_ros.clock import NodeClock
+from mild_ros.commanding import Commanding
+from mild_ros.diagnostics import Diagnostics
+from mild_ros.fates import Fates
+from mild_ros.messages.joint_state import joint_measurement_from_msg
+from mild_ros.messages.stamps import ns_from_msg
+from mild_ros.motion_topics import InsideTopics, MotionTopics
+from mild_ros.parameters import declare
+from mild_ros.quality_of_service import SENSOR
+from mild_ros.running import run
+from mild_ros.settings import PipelineParameters
+from mild_ros.tracker import Tracker
+
+
+class PipelineNode(Node):
+    """The whole system and its topics."""
+
+    def __init__(self) -> None:
+        super().__init__("pipeline")
+        parameters = declare(self, PipelineParameters)
+        self._tracker = Tracker(parameters)
+        model = load(parameters.model)
+        self._pipeline = make_pipeline(parameters, model)
+        self._state = self._pipeline.init()
+        self._behind_ns = 0
+        self._diagnostics = Diagnostics(self, ("skeleton", "joint_states"), parameters.robot, self._look)
+        self._diagnostics.facts["model"] = parameters.model
+        self._fates = Fates(self, parameters.report_handled)
+        self._commanding = Commanding(self, self._diagnostics, self._request, parameters.enabled)
+        topics = MotionTopics(self, model.manifest.interactions, self._diagnostics)
+        self._inside = InsideTopics(self, topics, parameters.publish_intermediate)
+        self._time = NodeClock(self, self._on_tick, parameters.control_rate_hz)
+        self.create_subscription(self._tracker.message_type, "skeleton", self._on_skeleton, SENSOR)
+        self.create_subscription(JointState, "joint_states", self._on_joint_states, SENSOR)
+        self.get_logger().info(f"{parameters.source} to {parameters.robot} through {parameters.model}")
+
+    def _on_skeleton(self, message: Any) -> None:
+        started_ns, now_ns = time.perf_counter_ns(), self._time.now_ns()
+        people, stamp_ns = self._tracker.people(message, now_ns)
+        output = self._step(people, now_ns)
+        self._diagnostics.took("step", time.perf_counter_ns() - started_ns)
+        self._diagnostics.flowed("skeleton", stamp_ns)
+        if output.motions and stamp_ns is not None:
+            self._behind_ns = stamp_ns
+            self._tell_age("age of an answer", output)
+        self._fates.report("pipeline", 0, self._state.perception.outcome, now_ns if stamp_ns is None else stamp_ns)
+        self._inside.publish(output)
+
+    def _on_joint_states(self, message: Any) -> None:
+        now_ns, stamp_ns = self._time.now_ns(), ns_from_msg(message.header.stamp)
+        self._diagnostics.flowed("joint_states")
+        try:
+            measurement = joint_measurement_from_msg(message)
+        except DataError as error:
+            self._diagnostics.unreadable("joint_states", error.reason, error.detail)
+            self._fates.report("retargeting", 0, error.reason, stamp_ns)
+            return
+        self._step(measurement, now_ns)
+        self._fates.report("retargeting", 0, self._state.retargeting.outcome, stamp_ns)
+
+    def _on_tick(self, now_ns: int) -> None:
+        self._tell_age("age of a tick", self._step(None, now_ns))
+        self._fates.report("retargeting", 0, self._state.retargeting.outcome, now_ns)
+
+    def _step(self, given: PipelineInput, now_ns: int) -> PipelineOutput:
+        before = self._state
+        self._state, output = self._pipeline.step(before, given, now_ns)
+        self._commanding.send(output.commands)
+        for stage in ("perception", "inference", "retargeting"):
+            after = getattr(self._state, stage)
+            if after is not getattr(before, stage):
+                self._diagnostics.ended(stage, after.outcome, after.counts, getattr(after, "detail", ""))
+        return output
+
+    def _tell_age(self, what: str, output: PipelineOutput) -> None:
+        """How long ago the newest skeleton behind a command was seen."""
+        if output.commands and output.commands[-1].motion_stamp_ns:
+            self._diagnostics.took(what, self._time.now_ns() - self._behind_ns)
+
+    def _request(self, request: Request) -> None:
+        if request.kind == "reset":
+            self._state = forgotten(self._pipeline, self._state)
+        now_ns = self._time.now_ns()
+        self._step(request, now_ns)
+        self._fates.report("retargeting", 0, self._state.retargeting.outcome, now_ns)
+
+    def _look(self) -> None:
+        self._commanding.look(self._state.retargeting)
+
+
+def main() -> int:
+    """The executable."""
+    return run("pipeline", PipelineNode, PipelineParameters)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

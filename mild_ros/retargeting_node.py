@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`retargeting`: the robot's next motion in, commands inside every limit out."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from rclpy.node import Node
+from sensor_msgs.msg import JointState, PointCloud2
+from trajectory_msgs.msg import JointTrajectory
+
+from mild_core.errors import DataError
+from mild_core.retargeting.stage import Request
+from mild_core.signals import JointMeasurement, MotionWindow
+from mild_ros.assembly.retargeting import make_retargeting
+from mild_ros.clock import NodeClock
+from mild_ros.commanding import Commanding
+from mild_ros.diagnostics import Diagnostics
+from mild_ros.fates import Fates
+from mild_ros.messages.joint_state import joint_measurement_from_msg
+from mild_ros.messages.motion import motion_from_msgs
+from mild_ros.messages.stamps import ns_from_msg
+from mild_ros.pairing import StampPairs
+from mild_ros.parameters import declare
+from mild_ros.quality_of_service import BETWEEN_STAGES, SENSOR
+from mild_ros.running import run
+from mild_ros.settings import RetargetingParameters
+
+
+class RetargetingNode(Node):
+    """The retargeting stage and its topics."""
+
+    def __init__(self) -> None:
+        super().__init__("retargeting")
+        parameters = declare(self, RetargetingParameters)
+        self._stage = make_retargeting(parameters)
+        self._state = self._stage.init()
+        self._diagnostics = Diagnostics(self, ("motion", "joint_states"), parameters.robot, self._look)
+        self._fates = Fates(self, parameters.report_handled)
+        self._commanding = Commanding(self, self._diagnostics, self._request, parameters.enabled)
+        self._time = NodeClock(self, self._on_tick, parameters.control_rate_hz)
+        pairs = StampPairs(self._on_motion, self._on_single)
+        self.create_subscription(JointTrajectory, "motion", pairs.left, BETWEEN_STAGES)
+        self.create_subscription(PointCloud2, "motion_state", pairs.right, BETWEEN_STAGES)
+        self.create_subscription(JointState, "joint_states", self._on_joint_states, SENSOR)
+        self.get_logger().info(f"commands {parameters.robot} at {parameters.control_rate_hz:g} Hz")
+
+    def _on_tick(self, now_ns: int) -> None:
+        self._step(None, now_ns, now_ns)
+
+    def _on_motion(self, trajectory: Any, state: Any) -> None:
+        started_ns, now_ns = time.perf_counter_ns(), self._time.now_ns()
+        stamp_ns = ns_from_msg(trajectory.header.stamp)
+        self._diagnostics.flowed("motion", stamp_ns)
+        try:
+            motion = motion_from_msgs(trajectory, state)
+        except DataError as error:
+            self._unreadable("motion", error, stamp_ns)
+            return
+        self._step(motion, now_ns, stamp_ns)
+        self._diagnostics.took("step", time.perf_counter_ns() - started_ns)
+        self._diagnostics.took("age of motion", self._time.now_ns() - stamp_ns)
+
+    def _on_single(self, stamp_ns: int) -> None:
+        self._unreadable("motion", DataError("unpaired", "motion and motion_state need equal stamps"), stamp_ns)
+
+    def _on_joint_states(self, message: Any) -> None:
+        now_ns, stamp_ns = self._time.now_ns(), ns_from_msg(message.header.stamp)
+        self._diagnostics.flowed("joint_states")
+        try:
+            measurement = joint_measurement_from_msg(message)
+        except DataError as error:
+            self._unreadable("joint_states", error, stamp_ns)
+            return
+        self._step(measurement, now_ns, stamp_ns)
+
+    def _step(self, given: MotionWindow | JointMeasurement | Request | None, now_ns: int, stamp_ns: int) -> None:
+        self._state, commands = self._stage.step(self._state, given, now_ns)
+        self._commanding.send(commands)
+        self._fates.report("retargeting", 0, self._state.outcome, stamp_ns)
+        self._diagnostics.ended("retargeting", self._state.outcome, self._state.counts)
+
+    def _unreadable(self, topic: str, error: DataError, stamp_ns: int) -> None:
+        self._diagnostics.unreadable(topic, error.reason, error.detail)
+        self._fates.report("retargeting", 0, error.reason, stamp_ns)
+
+    def _request(self, request: Request) -> None:
+        now_ns = self._time.now_ns()
+        self._step(request, now_ns, now_ns)
+
+    def _look(self) -> None:
+        self._commanding.look(self._state)
+
+
+def main() -> int:
+    """The executable."""
+    return run("retargeting", RetargetingNode, RetargetingParameters)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
