@@ -15,11 +15,9 @@ import numpy as np
 
 from mild_core.shapes import FloatArray
 
-SNAP_PERIODS = 0.2
-"""How far short of a grid point a frame may be, in grid periods."""
-
-SNAP_INTERVALS = 0.5
-"""The same in intervals of the tracker: no snapping where the next frame will be nearer."""
+SNAP = 0.2
+"""How far short of a grid point a frame may be, in periods of the grid or of the tracker, whichever is shorter: a
+tracker faster than the model shows the grid point itself soon."""
 
 GAP_INTERVALS = 1.5
 """More tracker intervals than this between two frames: one in between was lost."""
@@ -87,7 +85,7 @@ def resample(grid: Grid, stamp_ns: int, sample_m: FloatArray, rate_hz: float) ->
         and (N, J, 3) their joints. N is often 1, and 0 for a frame that comes before the next grid point.
     """
     period, interval = 1e9 / rate_hz, stamp_ns - grid.sample_ns
-    snap = min(SNAP_PERIODS * period, SNAP_INTERVALS * interval)
+    snap = SNAP * min(period, interval)
     last = math.floor((stamp_ns - grid.anchor_ns + snap) / period)
     stamps = [min(grid.anchor_ns + round(index * period), stamp_ns) for index in range(grid.next_index, last + 1)]
     if len(stamps) == 1 and stamps[0] == stamp_ns:

@@ -61,10 +61,10 @@ class PerceptionSettings:
         """Raise SetupError for settings that cannot work."""
         object.__setattr__(self, "joint_names", tuple(self.joint_names))
         object.__setattr__(self, "bone_lengths_m", tuple(float(length) for length in self.bone_lengths_m))
-        self._check_joints()
         for name, allowed in _CHOICES.items():
             if getattr(self, name) not in allowed:
                 raise unknown_name(name, str(getattr(self, name)), allowed)
+        self._check_joints()
         for name, least in _LEAST.items():
             value = getattr(self, name)
             if not (math.isfinite(value) and value > least):
