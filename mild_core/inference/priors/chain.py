@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mild_core.inference.priors.recursion import backward_frames, filter_frames, forward_frames, occupy_components
+from mild_core.inference.priors.filtering import UNDERFLOW, filter_frames
+from mild_core.inference.priors.smoothing import backward_frames, occupy_components
 from mild_core.shapes import FloatArray, read_only, require_shape
 
 
@@ -43,11 +44,6 @@ class Chain:
     def components(self) -> int:
         """K."""
         return len(self.initial)
-
-    @property
-    def order(self) -> tuple[FloatArray, FloatArray]:
-        """`initial` and `transitions`, as the recursions take them."""
-        return self.initial, self.transitions
 
     @property
     def longest(self) -> int:
@@ -113,16 +109,42 @@ def expect(chain: Chain, log_emissions: FloatArray, lengths: Sequence[int]) -> C
     log_likelihood, start = 0.0, 0
     for length in lengths:
         part = slice(start, start + length)
-        entering, leaving, emissions, starts, ends = (np.empty((length, chain.components)) for _ in range(5))
-        log_likelihood += forward_frames(
-            log_emissions[part], chain.order, chain.durations, entering, leaving, emissions
-        )
-        forward = (entering, leaving, emissions)
-        backward_frames(chain.transitions, chain.durations, forward, starts, ends, transitions, durations)
+        forward = run_filter(chain, log_emissions[part], lowest=-np.inf)
+        starts, ends = (np.empty((length, chain.components)) for _ in range(2))
+        backward_frames(chain.transitions, chain.durations, forward.events, starts, ends, transitions, durations)
         occupy_components(starts, ends, responsibilities[part])
+        log_likelihood += float(forward.log_likelihoods.sum())
         initial += responsibilities[start]
         start += length
     return ChainExpectation(responsibilities, ChainCounts(initial, transitions, durations), log_likelihood)
+
+
+@dataclass(frozen=True, eq=False)
+class ForwardPass:
+    """The filter's way over frames, in the parts of `filter_frames`; `memory` (K, D) is that after the last."""
+
+    memory: FloatArray
+    weights: FloatArray
+    log_likelihoods: FloatArray
+    events: tuple[FloatArray, FloatArray, FloatArray]
+
+
+def run_filter(
+    chain: Chain,
+    log_emissions: FloatArray,
+    memory: FloatArray | None = None,
+    restart: float = 0.0,
+    lowest: float = UNDERFLOW,
+) -> ForwardPass:
+    """Filter frames with log-densities (T, K), on from `memory` (K, D), changed in place, or from the start."""
+    first = memory is None
+    if memory is None:
+        memory = np.zeros((chain.components, chain.longest))
+    weights, log_likelihoods = np.empty_like(log_emissions), np.empty(len(log_emissions))
+    events = (np.empty_like(weights), np.empty_like(weights), np.empty_like(weights))
+    parts = (chain.initial, chain.transitions, chain.durations)
+    filter_frames(log_emissions, memory, first, parts, restart, lowest, weights, log_likelihoods, events)
+    return ForwardPass(memory, weights, log_likelihoods, events)
 
 
 def component_probabilities(chain: Chain, frames: int) -> FloatArray:
@@ -130,7 +152,4 @@ def component_probabilities(chain: Chain, frames: int) -> FloatArray:
 
     Source: the forward variable without observations of eq. 9.
     """
-    weights = np.empty((frames, chain.components))
-    nothing, memory = np.zeros_like(weights), np.zeros_like(chain.durations)
-    filter_frames(nothing, memory, True, chain.order, chain.durations, weights, np.empty(frames))
-    return weights
+    return run_filter(chain, np.zeros((frames, chain.components))).weights

@@ -9,17 +9,23 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
 import numpy as np
 
 from mild_core.inference.gaussian import Gaussian, mixture_moments
 from mild_core.inference.priors.belief import Belief, Filtered
-from mild_core.inference.priors.chain import Chain, ChainCounts, ChainExpectation, component_probabilities, expect
-from mild_core.inference.priors.components import observe_frame, observe_frames
+from mild_core.inference.priors.chain import (
+    Chain,
+    ChainCounts,
+    ChainExpectation,
+    component_probabilities,
+    expect,
+    run_filter,
+)
 from mild_core.inference.priors.demonstrations import LatentFrames, estimate_components, latent_frames, log_emissions
-from mild_core.inference.priors.recursion import UNDERFLOW, filter_frames
+from mild_core.inference.priors.filtering import UNDERFLOW, observe_frame, observe_frames
 from mild_core.shapes import FloatArray, read_only, require_shape
 
 
@@ -67,6 +73,8 @@ class Prior(ABC):
         chain: Their order and durations.
         phases: (K,) mean time of each component in a demonstration, from 0 (its start) to 1 (its end).
         observed_size: Q.
+        restart: Probability per frame, in the online filter only, that the chain starts anew in any component. It
+            guards against locking into a wrong phase of a periodic motion; 0 is the model as fitted.
 
     Raises:
         ValueError: When the parts do not fit each other, or the chain is none of this kind.
@@ -76,6 +84,7 @@ class Prior(ABC):
     chain: Chain
     phases: FloatArray
     observed_size: int
+    restart: float = 0.0
 
     kind: ClassVar[str]
 
@@ -85,6 +94,8 @@ class Prior(ABC):
         require_shape("phases", self.phases, (self.chain.components,))
         if not 0 < self.observed_size <= self.components.mean.shape[1]:
             raise ValueError(f"observed_size {self.observed_size} is not within 1..{self.components.mean.shape[1]}")
+        if not 0.0 <= self.restart < 1.0:
+            raise ValueError(f"restart {self.restart} is no probability below one")
         self.check_chain(self.chain)
 
     @staticmethod
@@ -129,7 +140,7 @@ class Prior(ABC):
         return cls(gaussians, cls.first_chain(components, frames.lengths, settings), phases, observed_size)
 
     @classmethod
-    def from_arrays(cls, arrays: Mapping[str, FloatArray], observed_size: int) -> Self:
+    def from_arrays(cls, arrays: Mapping[str, FloatArray], observed_size: int, restart: float = 0.0) -> Self:
         """The prior that `to_arrays` wrote.
 
         Raises:
@@ -137,10 +148,10 @@ class Prior(ABC):
             ValueError: When the arrays do not make a prior of this kind.
         """
         chain = Chain(arrays["initial"], arrays["transitions"], arrays["durations"])
-        return cls(Gaussian(arrays["means"], arrays["covariances"]), chain, arrays["phases"], observed_size)
+        return cls(Gaussian(arrays["means"], arrays["covariances"]), chain, arrays["phases"], observed_size, restart)
 
     def to_arrays(self) -> dict[str, FloatArray]:
-        """Everything but the kind and `observed_size`, by name."""
+        """Everything but the kind, `observed_size` and `restart`, by name."""
         return {
             "means": self.components.mean,
             "covariances": self.components.covariance,
@@ -167,15 +178,10 @@ class Prior(ABC):
         """
         require_shape("observed", observed, (self.observed_size,))
         log_emission, _, _ = self._observe(observed, observed_covariance)
-        memory = belief.memory.copy()
-        weights, log_likelihoods = np.empty((1, self.chain.components)), np.empty(1)
-        chain = self.chain
-        filter_frames(
-            log_emission[None], memory, not belief.started, chain.order, chain.durations,
-            weights, log_likelihoods,
-        )  # fmt: skip
-        log_likelihood = float(log_likelihoods[0])
-        return Belief(weights[0], memory, True, log_likelihood, log_likelihood > UNDERFLOW)
+        memory = belief.memory.copy() if belief.started else None
+        after = run_filter(self.chain, log_emission[None], memory, self.restart)
+        log_likelihood = float(after.log_likelihoods[0])
+        return Belief(after.weights[0], after.memory, True, log_likelihood, log_likelihood > UNDERFLOW)
 
     def filter(self, observed: FloatArray, observed_covariances: FloatArray | None = None) -> Filtered:
         """`update` over a whole recording at once, for learning and evaluation.
@@ -188,16 +194,14 @@ class Prior(ABC):
         require_shape("observed", observed, (None, self.observed_size))
         if observed_covariances is None:
             observed_covariances = np.zeros((frames, self.observed_size, self.observed_size))
-        emissions, weights = (np.empty((frames, self.chain.components)) for _ in range(2))
+        emissions = np.empty((frames, self.chain.components))
         conditioned = np.empty((frames, self.chain.components, total - self.observed_size))
-        log_likelihoods, chain = np.empty(frames), self.chain
         latents = np.ascontiguousarray(observed, dtype=np.float64)
         widenings = np.ascontiguousarray(observed_covariances, dtype=np.float64)
         gaussians = (self.components.mean, self.components.covariance)
         observe_frames(gaussians, (latents, widenings), emissions, conditioned)
-        memory = np.zeros((chain.components, chain.longest))
-        filter_frames(emissions, memory, True, chain.order, chain.durations, weights, log_likelihoods)
-        return Filtered(weights, log_likelihoods, conditioned)
+        after = run_filter(self.chain, emissions, restart=self.restart)
+        return Filtered(after.weights, after.log_likelihoods, conditioned)
 
     def condition(
         self, belief: Belief, observed: FloatArray, observed_covariance: FloatArray | None = None
@@ -242,11 +246,11 @@ class Prior(ABC):
         for _ in range(settings.iterations):
             shares = expectation.responsibilities
             occupancy = shares.sum(axis=0)
-            prior = type(self)(
-                estimate_components(prior.components, shares, frames, settings.covariance_fraction),
-                self.estimate_chain(prior.chain, expectation.counts, settings),
-                np.where(occupancy > 1e-6, frames.times @ shares / np.maximum(occupancy, 1e-6), prior.phases),
-                self.observed_size,
+            prior = replace(
+                prior,
+                components=estimate_components(prior.components, shares, frames, settings.covariance_fraction),
+                chain=self.estimate_chain(prior.chain, expectation.counts, settings),
+                phases=np.where(occupancy > 1e-6, frames.times @ shares / np.maximum(occupancy, 1e-6), prior.phases),
             )
             expectation = prior.expect(frames)
             history.append(expectation.log_likelihood)

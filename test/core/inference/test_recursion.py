@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from mild_core.inference.priors.chain import Chain, component_probabilities, expect
-from mild_core.inference.priors.recursion import UNDERFLOW, filter_frames
+from mild_core.inference.priors.chain import run_filter as filtered
+from mild_core.inference.priors.filtering import UNDERFLOW
 from test.core.inference.enumeration import counts, posterior
 
 # Two roads through some 10^4 sums and products in double precision; the scaling costs a few more digits.
@@ -22,11 +23,9 @@ def random_chain(rng: np.random.Generator, components: int, longest: int) -> Cha
     return Chain(rng.dirichlet(np.ones(components)), transitions, rng.dirichlet(np.ones(longest), components))
 
 
-def run_filter(chain: Chain, log_emissions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    weights, log_likelihoods = np.empty(log_emissions.shape), np.empty(len(log_emissions))
-    memory = np.zeros(chain.durations.shape)
-    filter_frames(log_emissions, memory, True, chain.order, chain.durations, weights, log_likelihoods)
-    return weights, log_likelihoods
+def run_filter(chain: Chain, log_emissions: np.ndarray, restart: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    found = filtered(chain, log_emissions, restart=restart)
+    return found.weights, found.log_likelihoods
 
 
 SIZES = [(1, 3, 6), (2, 3, 7), (3, 2, 6), (3, 4, 5), (2, 6, 4)]
@@ -75,9 +74,9 @@ def test_starting_as_if_a_segment_had_just_ended_gives_another_belief():
     rng = np.random.default_rng(3)
     chain = random_chain(rng, 3, 4)
     log_emissions = rng.normal(0.0, 2.0, (4, 3))
-    memory, weights, log_likelihoods = np.zeros((3, 4)), np.empty((4, 3)), np.empty(4)
+    memory = np.zeros((3, 4))
     memory[:, 0] = chain.initial
-    filter_frames(log_emissions, memory, False, chain.order, chain.durations, weights, log_likelihoods)
+    weights = filtered(chain, log_emissions, memory).weights
     right, _ = run_filter(chain, log_emissions)
     assert abs(weights - right).max() > 0.01
 
@@ -140,6 +139,26 @@ def test_a_frame_nobody_explains_passes_as_time_and_says_so():
     assert log_likelihoods[3] < UNDERFLOW < log_likelihoods[[0, 1, 2, 4, 5]].min()
     np.testing.assert_allclose(weights, unobserved, atol=EXACT)
     assert abs(weights[3] - chain.initial).max() > 0.01
+
+
+def test_restart_mixes_a_new_start_into_every_frame():
+    """As a chain with one more way on: with probability e any component starts, whatever time remained."""
+    rng = np.random.default_rng(12)
+    chain, share, emissions = random_chain(rng, 3, 4), 0.2, rng.uniform(0.1, 1.0, (8, 3))
+    size, start = 12, np.repeat(np.ones(3) / 3, 4) * chain.durations.ravel()
+    moves = np.zeros((size, size))
+    for i in range(3):
+        for r in range(1, 4):
+            moves[4 * i + r, 4 * i + r - 1] = 1.0
+        moves[4 * i] = (chain.transitions[i][:, None] * chain.durations).ravel()
+    moves = (1.0 - share) * moves + share * start
+    state = ((1.0 - share) * chain.initial[:, None] * chain.durations).ravel() + share * start
+    path = []
+    for t in range(8):
+        state = (state @ moves if t else state) * np.repeat(emissions[t], 4)
+        state /= state.sum()
+        path.append(state.reshape(3, 4).sum(axis=1))
+    np.testing.assert_allclose(run_filter(chain, np.log(emissions), share)[0], path, atol=EXACT)
 
 
 def test_components_that_cannot_be_reached_do_not_count_however_likely():
