@@ -76,15 +76,18 @@ class BagWriter:
         self.counts[topic] = 0
 
     def write(self, topic: str, type_name: str, time_ns: int, data: bytes) -> None:
-        """Add one message as CDR bytes.
+        """Add one message as CDR bytes; does nothing once the bag has ended.
 
         Raises:
             BagError: The disk refused it; the bag has been ended with what it had.
         """
+        if not self._open:
+            return
         self.add_topic(topic, type_name)
         with self._or_rescue():
             self._writer.write(self._connections[topic], time_ns, data)
             self.counts[topic] += 1
+            self._whole = self._file.tell()  # moves only when a chunk was full, and then by the whole of it
 
     def flush(self) -> None:
         """Bring everything so far to the disk as one whole chunk: a kill after this loses none of it.
@@ -92,6 +95,8 @@ class BagWriter:
         Raises:
             BagError: As for `write`.
         """
+        if not self._open:
+            return
         with self._or_rescue():
             if self._storage.chunk.bio.tell():
                 self._storage.close_chunk()

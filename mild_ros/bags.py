@@ -7,6 +7,7 @@ Writing lives in `bag_writer.py`, what can be saved of a broken bag in `salvage.
 
 from __future__ import annotations
 
+import re
 import tempfile
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
@@ -18,7 +19,6 @@ from typing import Any
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
-from ruamel.yaml import YAML
 
 from mild_core.errors import BagError, DataError
 from mild_ros.salvage import readable_parts
@@ -170,14 +170,16 @@ def _check_folder(path: Path) -> None:
         storage = any(path.glob("*.mcap*")) or any(path.glob("*.db3*"))
         remedy = SALVAGE if storage else "give the folder that `ros2 bag record` or `mild_ros record` wrote"
         raise BagError(str(path), "has no metadata.yaml", remedy)
-    try:
-        listed = YAML(typ="safe").load(file.read_text())["rosbag2_bagfile_information"]["relative_file_paths"]
-        names = [PurePosixPath(str(name)) for name in listed]
-    except Exception as error:  # a file that anybody may have written
-        raise BagError(str(file), f"is not the metadata of a bag ({_why(error)})", SALVAGE) from None
+    names = [PurePosixPath(name) for name in _listed_files(file.read_text(errors="replace"))]
     for name in names:
         if name.is_absolute() or ".." in name.parts or (path / name.name).is_symlink():
             raise BagError(str(file), f"points outside the bag ({name})", "do not trust this bag")
+
+
+def _listed_files(metadata: str) -> list[str]:
+    """The storage files that metadata.yaml names, in either way YAML writes a list."""
+    found = re.search(r"relative_file_paths:[ \t]*(\[[^\]]*\]|(?:\n[ \t]*-[ \t].*)+)", metadata)
+    return re.findall(r"[^\s,\[\]'\"]{2,}", found.group(1)) if found else []
 
 
 def _check_counts(path: Path, reader: AnyReader) -> None:

@@ -14,6 +14,7 @@ from rosbags.interfaces import Nodetype
 
 from mild_ros.bags import jazzy_types
 
+_TIME = "builtin_interfaces/msg/Time"
 _BYTE_NAMES = ("byte", "char", "octet")
 
 
@@ -26,27 +27,34 @@ def type_name_of(message: Any) -> str:
     return f"{package}/{kind}/{type(message).__name__}"
 
 
-def encode(message: Any) -> bytes:
-    """The CDR bytes of `message`, equal for equal messages."""
+def encode(message: Any, shift_ns: int = 0) -> bytes:
+    """The CDR bytes of `message`, equal for equal messages.
+
+    Args:
+        message: Of rclpy or of rosbags.
+        shift_ns: Added to every stamp in it; a stamp of zero stays zero, as it stands for none.
+    """
     name = type_name_of(message)
-    return bytes(jazzy_types().serialize_cdr(_rebuilt(message, name), name))
+    return bytes(jazzy_types().serialize_cdr(_rebuilt(message, name, shift_ns), name))
 
 
-def _rebuilt(message: Any, type_name: str) -> Any:
+def _rebuilt(message: Any, type_name: str, shift_ns: int) -> Any:
     """The same message in rosbags' own class."""
     types = jazzy_types()
     _, fields = types.fielddefs[type_name]
-    values = {name: _value(getattr(message, name), kind) for name, kind in fields}
+    values = {name: _value(getattr(message, name), kind, shift_ns) for name, kind in fields}
+    if shift_ns and type_name == _TIME and any(values.values()):
+        values["sec"], values["nanosec"] = divmod(values["sec"] * 10**9 + values["nanosec"] + shift_ns, 10**9)
     return types.types[type_name](**values)
 
 
-def _value(value: Any, kind: Any) -> Any:
+def _value(value: Any, kind: Any, shift_ns: int) -> Any:
     node, detail = kind
     if node is Nodetype.NAME:
-        return _rebuilt(value, detail)
+        return _rebuilt(value, detail, shift_ns)
     if node is Nodetype.BASE:
         return value[0] if isinstance(value, bytes) else value
     element, name = detail[0]
     if element is Nodetype.BASE and name[0] != "string":
         return np.asarray(value, dtype="uint8" if name[0] in _BYTE_NAMES else name[0])
-    return [_value(item, detail[0]) for item in value]
+    return [_value(item, detail[0], shift_ns) for item in value]

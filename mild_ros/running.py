@@ -13,7 +13,7 @@ import re
 import signal
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import Any
 
@@ -25,6 +25,9 @@ from rclpy.utilities import remove_ros_args
 
 from mild_core.errors import SetupError
 from mild_ros.parameters import help_text
+
+_ENDED_BY = "ended_by"
+"""Attribute of a node that gave up."""
 
 SETUP_ERROR = 2
 """Exit code of a wrong set-up, as of a wrong command line."""
@@ -62,6 +65,15 @@ def run(name: str, make_node: Callable[[], Node], parameters: type[Any]) -> int:
     return 0
 
 
+def give_up(node: Node, error: SetupError) -> None:
+    """End the program from within a callback, with one line and exit code 2.
+
+    What a callback raises, the executor reports as a traceback before it passes it on.
+    """
+    setattr(node, _ENDED_BY, error)
+    rclpy.try_shutdown()
+
+
 def _start_ros() -> None:
     try:
         rclpy.init()
@@ -79,8 +91,11 @@ def _spin(node: Node) -> None:
     gc.collect()
     gc.freeze()  # models and messages types stay: collections that walk them would show in the latency
     try:
-        while rclpy.ok():
-            executor.spin_once(timeout_sec=1.0)
+        with suppress(ExternalShutdownException):
+            while rclpy.ok():
+                executor.spin_once(timeout_sec=1.0)
+        if (error := getattr(node, _ENDED_BY, None)) is not None:
+            raise error
     finally:
         executor.remove_node(node)
         node.destroy_node()

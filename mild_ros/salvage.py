@@ -9,9 +9,7 @@ Source: MCAP file format specification, https://mcap.dev/spec (records, DataEnd,
 
 from __future__ import annotations
 
-import shutil
 import struct
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
@@ -19,11 +17,6 @@ from typing import BinaryIO
 from rosbags.rosbag2.storage_mcap import decompress
 
 from mild_core.errors import BagError
-
-if sys.version_info >= (3, 14):
-    from compression import zstd
-else:
-    from backports import zstd
 
 MAGIC = b"\x89MCAP0\r\n"
 _DATA_END, _CHUNK = 0x0F, 0x06
@@ -51,11 +44,13 @@ def readable_parts(path: Path, scratch: Path) -> list[Path]:
     files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
     parts = []
     for file in files:
-        unpacked = _unpacked(file, scratch)
-        if unpacked.suffix == ".mcap" and seal_mcap(unpacked, scratch / f"sealed_{unpacked.name}"):
-            parts.append(scratch / f"sealed_{unpacked.name}")
-        elif unpacked.suffix == ".db3":
-            parts.append(unpacked)
+        if file.suffix == ".mcap" and seal_mcap(file, scratch / file.name):
+            parts.append(scratch / file.name)
+        elif file.suffix == ".db3":
+            parts.append(file)
+    packed = [file.name for file in files if file.suffix in (".zstd", ".zst")]
+    if not parts and packed:
+        raise BagError(str(path), f"holds packed files ({packed[0]})", "unpack them with `zstd -d` and try again")
     if not parts:
         raise BagError(str(path), "holds no readable message", "record it again")
     return parts
@@ -104,17 +99,3 @@ def _chunk_is_whole(file: BinaryIO) -> bool:
     except Exception:  # each compression has its own errors
         return False
     return True
-
-
-def _unpacked(file: Path, scratch: Path) -> Path:
-    """The storage file behind a file-compressed one, as far as it unpacks; `file` itself when it is not."""
-    if file.suffix not in (".zstd", ".zst"):
-        return file
-    target = scratch / file.stem
-    with file.open("rb") as packed, target.open("wb") as unpacked:
-        try:
-            with zstd.open(packed, "rb") as stream:
-                shutil.copyfileobj(stream, unpacked, 64 * 1024)
-        except (zstd.ZstdError, EOFError):
-            pass  # what came before the break is kept
-    return target

@@ -220,7 +220,7 @@ try:
     with create_bag(Path(sys.argv[1]), durable=True) as bag:
         for index in range(200_000):
             bag.write("/text", "std_msgs/msg/String", index, encode(text(f"message {index} " + os.urandom(1000).hex())))
-            if index % 10 == 9:
+            if index % int(sys.argv[2]) == 9:
                 bag.flush()
             if index == 99:
                 print("hundred", flush=True)
@@ -237,8 +237,8 @@ def saved_numbers(path: Path, *, salvage: bool = False) -> int:
     return len(numbers)
 
 
-def writer_process(path: Path, **options) -> subprocess.Popen[str]:
-    command = [sys.executable, "-c", WRITE_UNTIL_STOPPED, str(path)]
+def writer_process(path: Path, flush_every: int = 10, **options) -> subprocess.Popen[str]:
+    command = [sys.executable, "-c", WRITE_UNTIL_STOPPED, str(path), str(flush_every)]
     root = Path(__file__).parents[2]
     return subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options)
 
@@ -267,7 +267,8 @@ def test_a_file_that_may_not_grow_is_one_line_and_salvageable(tmp_path):
     assert saved_numbers(tmp_path / "bag", salvage=True) > 500
 
 
-def test_a_full_disk_is_one_line_and_keeps_the_bag_whole(tmp_path):
+@pytest.mark.parametrize("flush_every", [10, 10**9])
+def test_a_full_disk_is_one_line_and_keeps_the_bag_whole(tmp_path, flush_every):
     disk = tmp_path / "disk"
     disk.mkdir()
     mount = shutil.which("mount")
@@ -278,7 +279,7 @@ def test_a_full_disk_is_one_line_and_keeps_the_bag_whole(tmp_path):
     ):
         pytest.skip("a small disk can be made by root only")
     try:
-        with writer_process(disk / "bag") as process:
+        with writer_process(disk / "bag", flush_every) as process:
             _, errors = process.communicate(timeout=120)
         assert process.returncode == 2
         assert len(errors.strip().splitlines()) == 1

@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What may be set of the nodes that write and read bags."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mild_core.perception.skeletons import SOURCES
+from mild_ros.parameters import parameter
+
+
+@dataclass(frozen=True)
+class RecordParameters:
+    """Of the record node."""
+
+    bag: str = parameter("", "Folder of the new bag; must not exist yet.")
+    topics: tuple[str, ...] = parameter((), "Topics to record, e.g. [skeleton, joint_command]; none means all.")
+
+
+@dataclass(frozen=True)
+class ReplayParameters:
+    """Of the replay node."""
+
+    bag: str = parameter("", "Folder or file of the bag to replay.")
+    mode: str = parameter(
+        "real_time",
+        "As it was recorded, or in lock-step: each message waits until the one before is handled.",
+        choices=("real_time", "lock_step"),
+    )
+    rate: float = parameter(1.0, "Speed in real time; 2 is twice as fast.", minimum=0.05, maximum=20.0)
+    restamp: bool = parameter(True, "In real time: give messages the time of their sending, as a live tracker would.")
+    source: str = parameter("azure_kinect", "Tracker convention of the skeletons in the bag.", choices=tuple(SOURCES))
+    skeleton_topic: str = parameter("", "Topic of the skeletons in the bag; empty finds it by its type.")
+    joint_states: str = parameter(
+        "auto",
+        "Where the robot's own state comes from: the bag, one message at home, or somebody else (none); auto takes "
+        "the bag's in lock-step (home if it has none) and none in real time, where a robot is there.",
+        choices=("auto", "bag", "home", "none"),
+    )
+    robot: str = parameter("yumi", "Robot whose home that is.")
+    reporters: int = parameter(
+        1, "In lock-step: how many nodes report on `handled`; 1 for pipeline, 3 for the stages.", minimum=1, maximum=3
+    )
+    subscribers: int = parameter(1, "Wait for so many subscribers of the skeletons.", minimum=0, maximum=100)
+    patience_s: float = parameter(
+        20.0, "How long to wait for subscribers, or for a stage to answer.", unit="s", minimum=0.1, maximum=3600.0
+    )
+    control_rate_hz: float = parameter(
+        100.0, "Ticks of `/clock` per second in lock-step.", unit="Hz", minimum=10.0, maximum=500.0
+    )
+    salvage: bool = parameter(False, "Read what is readable of a broken bag.")

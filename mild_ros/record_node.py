@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Records topics into a bag: the exact bytes that came, with the time of their receipt.
+
+A full disk or a kill costs at most the last second: see `bag_writer.py`.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from mild_core.errors import BagError, SetupError
+from mild_ros.bag_settings import RecordParameters
+from mild_ros.bag_writer import create_bag
+from mild_ros.clock import steady_clock
+from mild_ros.parameters import declare
+from mild_ros.running import give_up, run
+
+LOOK_PERIOD_S, FLUSH_PERIOD_S = 0.1, 1.0
+DEPTH = 5000
+"""Half a minute of everything at the usual rates: a slow disk must not lose messages."""
+
+
+class RecordNode(Node):
+    """Subscribes to whatever is published and writes it down."""
+
+    def __init__(self) -> None:
+        super().__init__("record")
+        self.parameters = declare(self, RecordParameters)
+        if not self.parameters.bag:
+            raise SetupError("parameter bag", "is empty", "name a new folder, e.g. -p bag:=recording")
+        self._wanted = {self.resolve_topic_name(topic) for topic in self.parameters.topics}
+        self._recording = create_bag(Path(self.parameters.bag).expanduser(), durable=True)
+        self._bag = self._recording.__enter__()
+        self._known: set[str] = set()
+        self._look()
+        self.create_timer(LOOK_PERIOD_S, self._look, clock=steady_clock())
+        self.create_timer(FLUSH_PERIOD_S, self._flush, clock=steady_clock())
+        self.get_logger().info(f"recording {', '.join(sorted(self._wanted)) or 'all topics'} into {self._bag.path}")
+
+    def destroy_node(self) -> None:
+        """End the bag, then the node."""
+        self._recording.__exit__(None, None, None)
+        print(f"mild_ros record: {sum(self._bag.counts.values())} messages in {self._bag.path}", flush=True)
+        super().destroy_node()
+
+    def _look(self) -> None:
+        """Subscribe to topics that have appeared."""
+        for topic, types in self.get_topic_names_and_types():
+            if topic in self._known or (self._wanted and topic not in self._wanted) or not self._offered(topic):
+                continue
+            self._known.add(topic)
+            if len(types) != 1:
+                self.get_logger().warning(f"{topic} is not recorded: it has several types, {', '.join(types)}")
+                continue
+            self._subscribe(topic, types[0])
+
+    def _subscribe(self, topic: str, type_name: str) -> None:
+        package, _, kind = type_name.split("/")
+        try:
+            message_class = getattr(importlib.import_module(f"{package}.msg"), kind)
+            self._bag.add_topic(topic, type_name, transient_local=self._is_latched(topic))
+        except (ImportError, AttributeError, KeyError):
+            self.get_logger().warning(f"{topic} is not recorded: the type {type_name} is not installed here")
+            return
+        self.create_subscription(message_class, topic, self._writer(topic, type_name), self._quality(topic), raw=True)
+
+    def _writer(self, topic: str, type_name: str) -> Callable[[bytes], None]:
+        def write(data: bytes) -> None:
+            with self._giving_up():
+                self._bag.write(topic, type_name, self.get_clock().now().nanoseconds, data)
+
+        return write
+
+    def _flush(self) -> None:
+        with self._giving_up():
+            self._bag.flush()
+
+    @contextmanager
+    def _giving_up(self) -> Iterator[None]:
+        """End this program when the disk refuses more; the bag has then ended itself."""
+        try:
+            yield
+        except BagError as error:
+            give_up(self, error)
+
+    def _offered(self, topic: str) -> bool:
+        return bool(self.get_publishers_info_by_topic(topic))
+
+    def _is_latched(self, topic: str) -> bool:
+        offers = self.get_publishers_info_by_topic(topic)
+        return bool(offers) and all(o.qos_profile.durability is DurabilityPolicy.TRANSIENT_LOCAL for o in offers)
+
+    def _quality(self, topic: str) -> QoSProfile:
+        """The strictest that every publisher of the topic meets."""
+        offers = self.get_publishers_info_by_topic(topic)
+        reliable = all(offer.qos_profile.reliability is ReliabilityPolicy.RELIABLE for offer in offers)
+        return QoSProfile(
+            depth=DEPTH,
+            reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+            durability=DurabilityPolicy.TRANSIENT_LOCAL if self._is_latched(topic) else DurabilityPolicy.VOLATILE,
+        )
+
+
+def main() -> int:
+    """Entry point of `ros2 run mild_ros record`."""
+    return run("record", RecordNode, RecordParameters)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
