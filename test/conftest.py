@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+import shutil
 import signal
 import tempfile
 import time
@@ -49,6 +50,10 @@ def pytest_configure(config: pytest.Config) -> None:
     os.environ["MPLBACKEND"] = "Agg"
     name, _, value = MARK.partition("=")
     os.environ[name] = value
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    shutil.rmtree(os.environ["ROS_LOG_DIR"], ignore_errors=True)
 
 
 @pytest.fixture(scope="session")
