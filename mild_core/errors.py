@@ -24,6 +24,10 @@ class SetupError(MildError):
         self.thing, self.problem, self.remedy = thing, problem, remedy
         super().__init__(" ".join(f"{thing}: {problem}; {remedy}".split()))
 
+    def __reduce__(self) -> tuple[type[SetupError], tuple[str, str, str]]:
+        """Lets the error come back whole from another process."""
+        return type(self), (self.thing, self.problem, self.remedy)
+
 
 class ModelError(SetupError):
     """A model folder that cannot be trusted or does not fit."""

@@ -42,6 +42,7 @@ class Recording:
         file: Where it lies below the data folder.
         rate_hz: Frames per second.
         interactions: Their names, in the order of its labels.
+        touching: Those in which hands meet.
         observed_names: Observed joints, from the shoulder outwards.
         observed_side: "right" or "left" arm of the person.
         robot: Name in `retargeting.robots.ROBOTS`; "" when the controlled agent is a second person.
@@ -56,6 +57,7 @@ class Recording:
     file: str
     rate_hz: float
     interactions: tuple[str, ...]
+    touching: tuple[str, ...]
     observed_names: tuple[str, ...]
     observed_side: str
     robot: str

@@ -95,6 +95,7 @@ BUETEPAGE_HR = Recording(
     file="buetepage_hr/traj_data.npz",
     rate_hz=40.0,
     interactions=("hand_wave", "handshake", "rocket", "parachute"),
+    touching=("handshake", "rocket", "parachute"),
     observed_names=("shoulder", "elbow", "hand"),
     observed_side="right",
     robot="yumi",

@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All that can be chosen about training, as data: the paper's model and the shipped ones differ in nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from mild_core.errors import unknown_name
+
+
+@dataclass(frozen=True)
+class Architecture:
+    """Sizes and wiring of one member. Sources are "window", "label", "context", "controlled" (see `member`).
+
+    Attributes:
+        latent: Dimensions of each agent's latent.
+        question_coordinates: Principal components of the human's window that networks see; 0: its raw values.
+        answer_coordinates: Principal components of the robot's window that networks give; 0: its raw values.
+        whitening: 0 divides all components by the deviation of the first, 1 each by its own, between: in between.
+        context: Sources of the recurrent encoder of the human's past; empty: none.
+        context_hidden: Units before its GRU.
+        memory: Units of its GRU.
+        encoder: Sources of the human's encoder.
+        encoder_hidden: Hidden units by layer, of the human's encoder.
+        residual: Sources of what is added to the conditioned latent; empty: nothing is added.
+        residual_hidden: Hidden units by layer.
+        decoder: Sources of the robot's decoder; "controlled" first.
+        decoder_hidden: Hidden units by layer.
+        counterpart_hidden: Hidden units of the two networks that only training needs: the robot's encoder and,
+            reversed, the human's decoder.
+    """
+
+    latent: int = 5
+    question_coordinates: int = 20
+    answer_coordinates: int = 15
+    whitening: float = 0.3
+    context: tuple[str, ...] = ("window", "label")
+    context_hidden: int = 64
+    memory: int = 64
+    encoder: tuple[str, ...] = ("context",)
+    encoder_hidden: tuple[int, ...] = (64,)
+    residual: tuple[str, ...] = ("context", "label")
+    residual_hidden: tuple[int, ...] = (64,)
+    decoder: tuple[str, ...] = ("controlled", "label")
+    decoder_hidden: tuple[int, ...] = (64,)
+    counterpart_hidden: tuple[int, ...] = (64,)
+
+
+@dataclass(frozen=True)
+class Augmentation:
+    """How far a trial is bent each time that it is learned from: what another person might have done as well.
+
+    Attributes:
+        copies: Of each trial in an epoch.
+        speed: Overall speed, uniform: logarithm within plus or minus this.
+        unsteadiness: Deviation of the logarithm of the speed at `knots` points of the trial.
+        knots: Number of these points.
+        arm_scale: Length of the human's arm, uniform: share within plus or minus this.
+        yaw_rad: Rotation of the human about the vertical, uniform within plus or minus this [rad].
+        offset_m: Deviation of a constant offset of every joint of the human [m].
+    """
+
+    copies: int = 2
+    speed: float = 0.2
+    unsteadiness: float = 0.15
+    knots: int = 6
+    arm_scale: float = 0.1
+    yaw_rad: float = 0.15
+    offset_m: float = 0.01
+
+
+@dataclass(frozen=True)
+class LossWeights:
+    """Weights of the terms of the objective.
+
+    Attributes:
+        prediction: Error of the robot's window through belief, conditioning and decoder.
+        observed: Reconstruction of the human's window.
+        controlled: Reconstruction of the robot's window.
+        divergence: beta, of both posteriors from the prior.
+    """
+
+    prediction: float = 1.0
+    observed: float = 0.3
+    controlled: float = 0.3
+    divergence: float = 1e-3
+
+
+@dataclass(frozen=True)
+class PriorSettings:
+    """The prior of each interaction and its re-estimation between epochs.
+
+    Attributes:
+        kind: Name in `inference.priors.PRIORS`.
+        components: K.
+        covariance_fraction: Share of the latents' variance added to every covariance.
+        iterations: Of expectation maximisation each time.
+        every: Epochs between two times.
+        frozen_from: Share of the epochs after which it stays as it is.
+        restart: Probability per step that the online filter starts anew, see `Prior`.
+    """
+
+    kind: str = "hsmm"
+    components: int = 5
+    covariance_fraction: float = 0.1
+    iterations: int = 3
+    every: int = 5
+    frozen_from: float = 0.5
+    restart: float = 0.0
+
+
+@dataclass(frozen=True)
+class TrainingSettings:
+    """One way to train.
+
+    Attributes:
+        architecture: Sizes and wiring.
+        prior: The prior and its re-estimation.
+        weights: Of the objective's terms.
+        augmentation: None: trials as recorded.
+        stride: S: belief and memory see every S-th window; durations count in steps of S frames.
+        gradient_stride: Windows between two that are learned from; `stride` where a gradient passes memory or belief.
+        epochs: Number of passes over all trials.
+        observed_epochs: Of these, the first so many train the human's networks alone; then the robot's start from
+            the human's hidden layers of equal size.
+        batch_trials: Trials (or augmented copies) for one step of the optimiser.
+        learning_rate: Of AdamW.
+        decaying: Whether the rate warms up over ten epochs and then falls to zero like a cosine.
+        weight_decay: Of AdamW.
+        largest_gradient: The norm of the gradient is cut to this.
+        dropout: Share of the values dropped in the context, encoder and residual networks.
+        samples: Posterior samples decoded for each window.
+        averaging: Share that the running average of the weights keeps at each epoch once the prior is frozen; 0: the
+            last weights are taken.
+        members: Networks trained from different seeds, whose answers are averaged.
+    """
+
+    architecture: Architecture = field(default_factory=Architecture)
+    prior: PriorSettings = field(default_factory=PriorSettings)
+    weights: LossWeights = field(default_factory=LossWeights)
+    augmentation: Augmentation | None = field(default_factory=Augmentation)
+    stride: int = 8
+    gradient_stride: int = 8
+    epochs: int = 300
+    observed_epochs: int = 0
+    batch_trials: int = 24
+    learning_rate: float = 3e-3
+    decaying: bool = True
+    weight_decay: float = 1e-2
+    largest_gradient: float = 1.0
+    dropout: float = 0.3
+    samples: int = 1
+    averaging: float = 0.97
+    members: int = 3
+
+    def __post_init__(self) -> None:
+        through = self.weights.prediction > 0.0 or bool(self.architecture.context)
+        if through and self.gradient_stride != self.stride:
+            raise ValueError("a gradient through memory or belief needs every window of a stride: equal strides")
+        if "context" in (*self.architecture.encoder, *self.architecture.residual) and not self.architecture.context:
+            raise ValueError("'context' is a source here, but the context has no sources itself")
+
+
+PAPER = TrainingSettings(
+    architecture=Architecture(
+        question_coordinates=0,
+        answer_coordinates=0,
+        context=(),
+        encoder=("window",),
+        encoder_hidden=(250, 150),
+        residual=(),
+        decoder=("controlled",),
+        decoder_hidden=(150, 250),
+        counterpart_hidden=(250, 150),
+    ),
+    prior=PriorSettings(components=10, iterations=3, every=1, frozen_from=1.0),
+    weights=LossWeights(prediction=0.0, observed=1.0, controlled=1.0, divergence=1e-3),
+    augmentation=None,
+    stride=1,
+    gradient_stride=5,
+    epochs=100,
+    observed_epochs=40,
+    batch_trials=1,
+    learning_rate=1e-4,
+    decaying=False,
+    largest_gradient=1e6,
+    dropout=0.0,
+    samples=10,
+    averaging=0.0,
+    members=1,
+)
+"""Source: the paper's section IV and METHOD §1: sizes, rates and losses as printed, misprints corrected."""
+
+SAME = TrainingSettings()
+AHEAD = TrainingSettings()
+NEXT = TrainingSettings(stride=1, gradient_stride=1)
+
+PRESETS: Mapping[str, TrainingSettings] = {"paper": PAPER, "same": SAME, "ahead": AHEAD, "next": NEXT}
+"""The paper's model, and by protocol the one that is shipped."""
+
+
+def preset_named(name: str) -> TrainingSettings:
+    """The settings of that name.
+
+    Raises:
+        SetupError: There are none.
+    """
+    if name not in PRESETS:
+        raise unknown_name("training preset", name, PRESETS)
+    return PRESETS[name]
