@@ -132,6 +132,9 @@ class BagWriter:
         """Cut off the half-written record and end the bag in the reserved space; False when that fails too."""
         self._open = False
         self._reserve.unlink(missing_ok=True)
+        # The message that met the full disk is in the chunk, but not yet in the counts.
+        self._writer.counts.update(self._storage.channel_stats)
+        self.counts = {topic: self._writer.counts[each.id] for topic, each in self._connections.items()}
         try:
             self._file.cut(self._whole)
             self._writer.close()
