@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The parts of the documents that are written from the code; a test holds each document to them.
+
+A document marks the place with `<!-- generated: NAME -->` and, on a later line, `<!-- end -->`. Bring them up to date
+with `python -m mild_ros.documentation README.md ...`.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from mild_core.errors import SetupError, unknown_name
+from mild_ros.bag_settings import RecordParameters, ReplayParameters
+from mild_ros.command_line.main import COMMANDS
+from mild_ros.parameters import table_markdown
+from mild_ros.settings import NODES
+
+PLACE = re.compile(r"(<!-- generated: ([a-z_]+) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
+
+
+class Topic(NamedTuple):
+    """One topic as people read of it.
+
+    Attributes:
+        name: Relative unless it starts with a slash; remap as usual.
+        message: Its type, without `msg`; several joined by " or ".
+        sender: Who publishes it.
+        receiver: Who subscribes to it.
+        meaning: What is in it.
+    """
+
+    name: str
+    message: str
+    sender: str
+    receiver: str
+    meaning: str
+
+
+TOPICS = (
+    Topic("skeleton", "by `source`", "tracker or replay", "perception", "people as the tracker sees them"),
+    Topic(
+        *("feature_window", "sensor_msgs/PointCloud2", "perception", "inference"),
+        "the arm's last W frames: one row per frame, one point per joint, in the arm frame [m]",
+    ),
+    Topic(
+        *("motion", "trajectory_msgs/JointTrajectory", "inference", "retargeting"),
+        "the robot's next window as the model predicts it [rad]",
+    ),
+    Topic(
+        *("motion_state", "sensor_msgs/PointCloud2", "inference", "retargeting"),
+        "with `motion`, by equal stamp: interaction, probability, phase, out_of_distribution, belief, covariance",
+    ),
+    Topic(
+        "belief", "std_msgs/Float64MultiArray", "inference", "tools", "over the components of the interaction's prior"
+    ),
+    Topic("interaction", "std_msgs/String", "inference", "tools", "the recognised interaction, kept for late comers"),
+    Topic(
+        *("joint_command", "sensor_msgs/JointState", "retargeting", "robot or simulation"),
+        "positions [rad] and velocities [rad/s] inside every limit",
+    ),
+    Topic(
+        *("joint_states", "sensor_msgs/JointState", "robot, simulation or replay", "retargeting"),
+        "where the robot is; no command before the first",
+    ),
+    Topic(
+        *("handled", "std_msgs/Header", "every stage", "replay"),
+        "the fate of each input, for a replay in lock-step; only with `report_handled`",
+    ),
+    Topic("/clock", "rosgraph_msgs/Clock", "replay", "every stage", "the time in the bag, for `use_sim_time`"),
+    Topic(
+        "/diagnostics", "diagnostic_msgs/DiagnosticArray", "every stage", "operators", "rates, ages, drops by reason"
+    ),
+)
+"""Of all nodes; where the stages share one process, `pipeline` stands for the three."""
+
+
+def topics_markdown() -> str:
+    """All topics as a Markdown table."""
+    lines = ["| Topic | Type | From | To | What |", "|---|---|---|---|---|"]
+    for topic in TOPICS:
+        kind = topic.message if "`" in topic.message else f"`{topic.message}`"
+        lines.append(f"| `{topic.name}` | {kind} | {topic.sender} | {topic.receiver} | {topic.meaning} |")
+    return "\n".join(lines) + "\n"
+
+
+def parameters_markdown() -> str:
+    """The parameters of all nodes: one heading and one table each, of the pipeline only what is its own."""
+    kinds = {**NODES, "record": RecordParameters, "replay": ReplayParameters}
+    parts = []
+    for name, kind in kinds.items():
+        table = table_markdown(kind)
+        if name == "pipeline":
+            known = {line for other in kind.__mro__[1:-1] for line in table_markdown(other).splitlines()[2:]}
+            own = [line for line in table.splitlines() if line not in known]
+            table = "All of perception, inference and retargeting, and:\n\n" + "\n".join(own) + "\n"
+        parts.append(f"**`{name}`**\n\n{table}")
+    return "\n".join(parts)
+
+
+def commands_markdown() -> str:
+    """The commands of `./mild`."""
+    own = {"check": "Lint, types and the quick tests, in a minute.", "test": "All tests."}
+    lines = ["| Command | What it does |", "|---|---|"]
+    return "\n".join([*lines, *(f"| `./mild {name}` | {text} |" for name, text in {**COMMANDS, **own}.items())]) + "\n"
+
+
+SECTIONS: dict[str, Callable[[], str]] = {
+    "topics": topics_markdown,
+    "parameters": parameters_markdown,
+    "commands": commands_markdown,
+}
+"""What may stand between the marks, by name."""
+
+
+def filled(text: str, name: str) -> str:
+    """A document with every marked place written anew.
+
+    Args:
+        text: The document.
+        name: What to call it when something is wrong.
+
+    Raises:
+        SetupError: A mark of an unknown name, or one without an end.
+    """
+    if text.count("<!-- generated:") != len(PLACE.findall(text)):
+        raise SetupError(name, "a place for generated text has no end", "write <!-- end --> on a line below its mark")
+
+    def write(place: re.Match[str]) -> str:
+        if place.group(2) not in SECTIONS:
+            raise unknown_name(f"{name}: generated text", place.group(2), SECTIONS)
+        return f"{place.group(1)}{SECTIONS[place.group(2)]()}{place.group(4)}"
+
+    return PLACE.sub(write, text)
+
+
+def main(names: Sequence[str]) -> None:
+    """Bring the named documents up to date."""
+    for name in names:
+        path = Path(name)
+        path.write_text(filled(path.read_text(), name))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

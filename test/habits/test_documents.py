@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the documents say is so: generated parts are up to date, commands and links exist."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+from mild_core.errors import SetupError
+from mild_ros.command_line.main import COMMANDS
+from mild_ros.documentation import SECTIONS, TOPICS, filled
+from test.habits.tree import ROOT, called, files, parse, plant, python_files
+
+DOCUMENTS = [path for path in files(ROOT) if path.suffix == ".md"]
+
+
+def wrong_commands(text: str) -> list[str]:
+    """Lines of `sh` and `bash` blocks that call `./mild` with a command that there is not."""
+    blocks = re.findall(r"^```(?:bash|sh|console)\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
+    called_so = re.findall(r"\./mild +(--?\w+|\w+)", "\n".join(blocks))
+    return [name for name in called_so if name not in (*COMMANDS, "check", "test", "--help")]
+
+
+def broken_links(path: Path) -> list[str]:
+    """Links and pictures of a document that lead to no file."""
+    text = re.sub(r"^```.*?^```", "", path.read_text(), flags=re.DOTALL | re.MULTILINE)
+    targets = re.findall(r"\]\(([^)#\s]+)[^)]*\)|<img[^>]+src=\"([^\"]+)\"", text)
+    names = [
+        target for pair in targets for target in pair if target and "://" not in target and "mailto:" not in target
+    ]
+    return [name for name in names if not (path.parent / name).exists()]
+
+
+def topics_in_code(root: Path) -> set[tuple[str, str]]:
+    """Name and type of every topic that the shell publishes or subscribes to under a fixed name."""
+    found = set()
+    for path in python_files(root, "mild_ros"):
+        tree = parse(path)
+        texts = {
+            node.targets[0].id: node.value.value
+            for node in tree.body
+            if isinstance(node, ast.Assign)
+            and isinstance(node.targets[0], ast.Name)
+            and isinstance(node.value, ast.Constant)
+        }
+        packages = {
+            alias.name: (node.module or "").split(".")[0]
+            for node in ast.walk(tree)
+            if isinstance(node, ast.ImportFrom)
+            for alias in node.names
+        }
+        for call in (node for node in ast.walk(tree) if isinstance(node, ast.Call)):
+            if called(call).split(".")[-1] in ("create_publisher", "create_subscription"):
+                kind, name = ast.unparse(call.args[0]), call.args[1]
+                text = name.value if isinstance(name, ast.Constant) else texts.get(ast.unparse(name))
+                if text is not None:
+                    found.add((str(text), f"{packages[kind]}/{kind}" if kind in packages else "by `source`"))
+    return found
+
+
+@pytest.mark.parametrize("name", SECTIONS)
+def test_an_outdated_table_is_rejected(name: str) -> None:
+    whole = filled(f"# A\n\n<!-- generated: {name} -->\n<!-- end -->\nB\n", "a.md")
+    assert SECTIONS[name]() in whole
+    assert filled(whole, "a.md") == whole
+    lines = whole.splitlines(keepends=True)
+    for index in range(3, len(lines) - 2):
+        outdated = "".join(lines[:index] + lines[index + 1 :])
+        assert filled(outdated, "a.md") == whole != outdated
+
+
+@pytest.mark.parametrize("text", ["<!-- generated: nothing -->\n<!-- end -->", "<!-- generated: topics -->\n"])
+def test_a_wrong_mark_is_refused(text: str) -> None:
+    with pytest.raises(SetupError, match=r"a\.md"):
+        filled(text, "a.md")
+
+
+def test_wrong_commands_and_links_are_rejected(tmp_path: Path) -> None:
+    text = (
+        "[a](a.md) [b](b.md#part) [c](https://c.example) ![d](d.png)\n```bash\n./mild dmeo\n./mild demo --help\n```\n"
+    )
+    assert wrong_commands(text) == ["dmeo"]
+    plant(tmp_path, "b.md", "")
+    assert broken_links(plant(tmp_path, "a.md", text)) == ["d.png"]
+
+
+def test_topics_are_found_in_code(tmp_path: Path) -> None:
+    lines = (
+        "from std_msgs.msg import String",
+        "TOPIC = 'b'",
+        "self.create_publisher(String, 'a', 1)",
+        "node.create_subscription(kind, TOPIC, call, 1)",
+    )
+    plant(tmp_path, "mild_ros/a.py", "\n".join(lines))
+    assert topics_in_code(tmp_path) == {("a", "std_msgs/String"), ("b", "by `source`")}
+
+
+def test_the_table_of_topics_is_the_code() -> None:
+    assert topics_in_code(ROOT) == {(topic.name, topic.message) for topic in TOPICS}
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_the_document_is_so(path: Path) -> None:
+    text = path.read_text()
+    assert filled(text, str(path)) == text, f"run: python -m mild_ros.documentation {path.relative_to(ROOT)}"
+    assert wrong_commands(text) == []
+    assert broken_links(path) == []
+
+
+def test_the_readme_holds_the_tables() -> None:
+    marks = re.findall(r"<!-- generated: (\w+) -->", (ROOT / "README.md").read_text())
+    assert {"topics", "parameters"} <= set(marks)
