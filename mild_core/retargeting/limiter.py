@@ -60,7 +60,7 @@ class JointMotion:
     @property
     def resting(self) -> bool:
         """Whether no joint moves."""
-        return max(map(abs, (*self.velocity_rad_s, *self.acceleration_rad_s2))) < ROUNDING
+        return all(-ROUNDING < rate < ROUNDING for rate in (*self.velocity_rad_s, *self.acceleration_rad_s2))
 
 
 class Limiter:
@@ -92,9 +92,10 @@ class Limiter:
         Raises:
             NoPlanError: There is no plan; finite input inside the limits always has one.
         """
-        away = max(abs(target - position) for target, position in zip(target_rad, motion.position_rad, strict=True))
-        if motion.resting and away < ROUNDING:
-            return JointMotion.at_rest(motion.position_rad)
+        if motion.resting:
+            pairs = zip(target_rad, motion.position_rad, strict=True)
+            if all(abs(target - position) < ROUNDING for target, position in pairs):
+                return JointMotion.at_rest(motion.position_rad)
         self._reach.target_position = target_rad
         return self._sampled(self._reach, motion, dt_s)
 
@@ -128,4 +129,5 @@ class Limiter:
         if result not in (Result.Working, Result.Finished):
             raise NoPlanError(f"{result}")
         position, velocity, acceleration = self._plan.at_time(dt_s)
-        return JointMotion(tuple(position), tuple(velocity), tuple(acceleration))
+        sampled = JointMotion(tuple(position), tuple(velocity), tuple(acceleration))
+        return JointMotion.at_rest(sampled.position_rad) if sampled.resting else sampled

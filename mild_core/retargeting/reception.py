@@ -71,7 +71,8 @@ def take_measurement(
     state = replace(state, measured_rad=tuple(inside.tolist()))
     if state.motion is None or (state.mode is Mode.DISABLED and state.motion.resting):
         mode = Mode.IDLE if state.mode is Mode.WAITING else state.mode
-        state = replace(state, mode=mode, displaced=False, displaced_since_ns=None)
+        # What comes next is a first command, not one that continues the last.
+        state = replace(state, mode=mode, commanded_ns=None, displaced=False, displaced_since_ns=None)
         return replace(state, motion=JointMotion.at_rest(state.measured_rad)).ended("measured")
     return _watch_displacement(state, state.motion, settings, now_ns).ended("measured")
 
@@ -104,7 +105,6 @@ def take_request(state: RetargetingState, given: Request, now_ns: int) -> Retarg
     state = replace(state, plan=None, ramp=None, unknown_since_ns=None, holding_since_ns=now_ns)
     if given.kind == "disable":
         return replace(state, mode=Mode.DISABLED).ended("disabled")
-    kept = state.mode is Mode.DISABLED or waiting
-    return replace(state, mode=state.mode if kept else Mode.HOLDING, displaced=False, displaced_since_ns=None).ended(
-        "reset"
-    )
+    state = replace(state, displaced=False, displaced_since_ns=None)
+    stays = state.mode is Mode.DISABLED or waiting
+    return (state if stays else replace(state, mode=Mode.HOLDING)).ended("reset")

@@ -32,7 +32,7 @@ class RetargetingSettings:
         SetupError: A value is outside its range.
     """
 
-    look_ahead_s: float = 0.08
+    look_ahead_s: float = 0.045
     stale_after_s: float = 0.5
     max_age_s: float = 1.0
     max_future_s: float = 0.2

@@ -24,7 +24,7 @@ from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.retargeting.state import Request, RetargetingState
 from mild_core.retargeting.target import Plan, ramp_onto
 from mild_core.retargeting.watchdog import after_gap, after_time_jump, fresh, known
-from mild_core.shapes import FloatArray
+from mild_core.shapes import FloatArray, read_only
 from mild_core.signals import JointCommand, JointMeasurement, MotionWindow
 
 __all__ = ["Mode", "Request", "Retargeting", "RetargetingSettings", "RetargetingState"]
@@ -106,8 +106,8 @@ class Retargeting:
             JointCommand(
                 stamp_ns=now_ns,
                 joint_names=self.robot.joint_names,
-                positions_rad=np.array(motion.position_rad),
-                velocities_rad_s=np.array(motion.velocity_rad_s),
+                positions_rad=read_only(motion.position_rad),
+                velocities_rad_s=read_only(motion.velocity_rad_s),
                 mode=state.mode.value,
                 motion_stamp_ns=state.plan.stamp_ns if state.plan is not None and state.mode is Mode.FOLLOWING else 0,
             ),
@@ -117,13 +117,12 @@ class Retargeting:
         settings = self.settings
         is_known, is_fresh = known(state, settings, now_ns), fresh(state, settings, now_ns)
         held_s = (now_ns - state.holding_since_ns) * 1e-9
-        away_rad = max(abs(now - home) for now, home in zip(motion.position_rad, self._home, strict=True))
         mode = next_mode(
             state.mode,
             usable=is_known and is_fresh,
             displaced=state.displaced,
-            patience_over=motion.resting and held_s >= settings.home_after_s,
-            at_home=motion.resting and away_rad < AT_HOME_RAD,
+            patience_over=held_s >= settings.home_after_s and motion.resting,
+            at_home=state.mode is Mode.RETURNING and self._at_home(motion),
         )
         if mode is state.mode:
             return state
@@ -144,6 +143,10 @@ class Retargeting:
         if state.mode is Mode.RETURNING:
             return self._slow.toward(motion, self._home, elapsed_s)
         return self._limiter.stop(motion, elapsed_s)
+
+    def _at_home(self, motion: JointMotion) -> bool:
+        away_rad = max(abs(now - home) for now, home in zip(motion.position_rad, self._home, strict=True))
+        return motion.resting and away_rad < AT_HOME_RAD
 
     def _wanted(self, plan: Plan, now_ns: int) -> FloatArray:
         target = plan.at(now_ns + round(self.settings.look_ahead_s * 1e9))

@@ -58,8 +58,11 @@ class RetargetingState:
 
     def counted(self, reason: str) -> RetargetingState:
         """One more event of `reason`."""
-        return replace(self, counts={**self.counts, reason: self.counts.get(reason, 0) + 1})
+        return replace(self, counts=self._one_more(reason))
 
     def ended(self, outcome: str) -> RetargetingState:
         """One more input that ended in `outcome`."""
-        return replace(self.counted(outcome), outcome=outcome)
+        return replace(self, counts=self._one_more(outcome), outcome=outcome)
+
+    def _one_more(self, reason: str) -> dict[str, int]:
+        return {**self.counts, reason: self.counts.get(reason, 0) + 1}

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whatever comes, whenever it comes: commands stay finite, continuous and inside every limit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from mild_core.retargeting.robots.yumi import YUMI
+from mild_core.retargeting.stage import Request, Retargeting, RetargetingState
+from mild_core.signals import JointCommand, JointMeasurement, MotionWindow
+from test.core.retargeting.limits import ROUNDING_RAD, check_limits
+from test.core.retargeting.perfect import START_NS, measurement, window
+
+PAUSES_NS = st.one_of(
+    st.sampled_from([0, 1, 1_000, 1_000_000, 10_000_000, 25_000_000, 200_000_000, 300_000_000]),
+    st.integers(0, 40_000_000),
+    st.integers(0, 5_000_000_000),
+    st.integers(-4_000_000_000, 0),
+)
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that comes `after_ns`; numbers too many to choose one by one come from `seed`."""
+
+    after_ns: int
+    kind: str
+    size: float
+    seed: int
+
+
+EVENTS = st.builds(
+    Event,
+    PAUSES_NS,
+    st.sampled_from(["tick"] * 6 + ["motion"] * 5 + ["jump", "unknown", "broken", "old", "measured", "moved", "lost"])
+    | st.sampled_from(["enable", "disable", "reset"]),
+    st.sampled_from([0.01, 0.2, 1.0, 20.0]),
+    st.integers(0, 2**32 - 1),
+)
+
+
+def _given(event: Event, state: RetargetingState, now_ns: int) -> MotionWindow | JointMeasurement | Request | None:
+    rng = np.random.default_rng(event.seed)
+    here = np.array(YUMI.home_rad if state.motion is None else state.motion.position_rad)
+    walk = here + np.cumsum(rng.normal(0.0, event.size / 6, (40, 7)), axis=0)
+    stamp_ns = now_ns - int(rng.integers(0, 200_000_000))
+    match event.kind:
+        case "motion":
+            return window(walk, stamp_ns, lead_ns=int(rng.integers(-1_000_000_000, 1_000_000_000)))
+        case "jump":
+            return window(rng.uniform(YUMI.lower_rad * 2, YUMI.upper_rad * 2, (40, 7)), stamp_ns)
+        case "unknown":
+            return window(walk, stamp_ns, interaction="", out_of_distribution=event.size)
+        case "broken":
+            walk[rng.integers(40), rng.integers(7)] = rng.choice([np.nan, np.inf, -np.inf])
+            return window(walk, stamp_ns)
+        case "old":
+            return window(walk, stamp_ns - 10_000_000_000)
+        case "measured":
+            return measurement(np.clip(here + rng.normal(0, 0.02, 7), YUMI.lower_rad, YUMI.upper_rad), now_ns)
+        case "moved":
+            return measurement(rng.uniform(YUMI.lower_rad, YUMI.upper_rad), now_ns)
+        case "lost":
+            return measurement(np.full(7, np.nan), now_ns)
+        case "enable" | "disable" | "reset":
+            return Request(event.kind)
+    return None
+
+
+# Each run tells the same stories; two thousand others were told once.
+@settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@given(st.lists(EVENTS, min_size=20, max_size=150))
+def test_commands_are_continuous_and_inside_every_limit(events: list[Event]) -> None:
+    retargeting = Retargeting(YUMI)
+    state, now_ns = retargeting.init(), START_NS
+    state, _ = retargeting.step(state, measurement(YUMI.home_rad), now_ns)
+    runs: list[list[JointCommand]] = [[]]
+    for event in events:
+        now_ns += event.after_ns
+        before = state
+        state, commands = retargeting.step(state, _given(event, before, now_ns), now_ns)
+        assert len(commands) <= 1
+        for command in commands:
+            assert command.stamp_ns == now_ns
+            fresh_start = before.commanded_ns is None or now_ns < before.commanded_ns
+            gap = state.counts.get("gap", 0) > before.counts.get("gap", 0)
+            if fresh_start or gap:
+                runs.append([])
+            if gap or (fresh_start and before.commanded_ns is not None):
+                # After a gap, or when time went back, the command is where it was.
+                assert before.motion is not None
+                np.testing.assert_allclose(command.positions_rad, before.motion.position_rad, atol=ROUNDING_RAD)
+            runs[-1].append(command)
+    for run in runs:
+        if run:
+            check_limits(YUMI, run)
+    assert sum(state.counts[outcome] for outcome in OUTCOMES if outcome in state.counts) == len(events) + 1
+    assert "no_plan" not in state.counts
+
+
+OUTCOMES = (
+    *("tick", "accepted", "unknown", "too_old", "from_future", "out_of_order", "not_finite", "wrong_joints"),
+    *("measured", "enabled", "disabled", "reset", "not_enabled", "no_joint_states", "outside_limits"),
+)
