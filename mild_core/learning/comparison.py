@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mild_core.learning.baselines import BASELINES
 from mild_core.learning.cross_validation import Result
 from mild_core.learning.evaluation import BOOTSTRAP_DRAWS, Errors, TrialErrors, summarise
+from mild_core.learning.methods import METHODS
 from mild_core.shapes import FloatArray
 
 BARS = ("mild_paper", "kernel_ridge")
@@ -36,7 +36,7 @@ class Row:
     """One method, labels given or recognised.
 
     Attributes:
-        method: Name in `BASELINES`.
+        method: Name in `METHODS`.
         title: For people.
         labels: "given" or "recognised".
         seeds: How many were run.
@@ -78,7 +78,7 @@ def compare(results: Sequence[Result], interactions: Sequence[str]) -> tuple[Row
         rows.append(
             Row(
                 method=method,
-                title=BASELINES[method].title,
+                title=METHODS[method].title,
                 labels=labels,
                 seeds=len(seeds),
                 macro_mean=float(np.mean(macro)),

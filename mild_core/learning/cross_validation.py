@@ -16,10 +16,10 @@ from pathlib import Path
 
 from mild_core.errors import unknown_name
 from mild_core.learning.baseline import Recognising
-from mild_core.learning.baselines import BASELINES
 from mild_core.learning.datasets import DATASETS
 from mild_core.learning.evaluation import TrialErrors, errors_of_trial
 from mild_core.learning.folds import FOLDS, folds_of
+from mild_core.learning.methods import METHODS
 from mild_core.learning.recording import Demonstrations
 from mild_core.learning.windows import protocol_named
 
@@ -66,12 +66,12 @@ def jobs_of(recording: str, path: Path, protocol: str, methods: Sequence[str], s
     if recording not in DATASETS:
         raise unknown_name("dataset", recording, DATASETS)
     for method in methods:
-        if method not in BASELINES:
-            raise unknown_name("method", method, BASELINES)
+        if method not in METHODS:
+            raise unknown_name("method", method, METHODS)
     return tuple(
         Job(recording, path, protocol_named(protocol).name, method, fold, seed)
         for method in methods
-        for seed in range(seeds if BASELINES[method].seeded else 1)
+        for seed in range(seeds if METHODS[method].seeded else 1)
         for fold in range(FOLDS)
     )
 
@@ -90,7 +90,7 @@ def run_job(job: Job) -> Result:
     protocol = protocol_named(job.protocol)
     fold = folds_of(_read(job.recording, job.path).train)[job.fold]
     begin = time.perf_counter()
-    predictor = BASELINES[job.method].fit(fold.learned, protocol, job.seed)
+    predictor = METHODS[job.method].fit(fold.learned, protocol, job.seed)
     seconds = time.perf_counter() - begin
     errors = {GIVEN: tuple(errors_of_trial(trial, protocol, predictor.predict(trial)) for trial in fold.held_out)}
     if isinstance(predictor, Recognising):

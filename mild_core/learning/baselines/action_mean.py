@@ -34,4 +34,4 @@ def fit(demonstrations: Sequence[Demonstration], protocol: Protocol, seed: int) 
     return ActionMean(protocol, {name: np.concatenate([d.controlled for d in part]).mean(0) for name, part in groups})
 
 
-ACTION_MEAN = Baseline("action_mean", "mean pose of the interaction", fit, seeded=False)
+ACTION_MEAN = Baseline("action_mean", "mean pose", fit, seeded=False)

@@ -23,4 +23,4 @@ def fit(demonstrations: Sequence[Demonstration], protocol: Protocol, seed: int) 
     return Regression(protocol, {name: fit_chosen(part, protocol, gaussian, GRID) for name, part in groups})
 
 
-KERNEL_RIDGE = Baseline("kernel_ridge", "kernel ridge regression", fit, seeded=False)
+KERNEL_RIDGE = Baseline("kernel_ridge", "kernel ridge", fit, seeded=False)

@@ -35,4 +35,4 @@ def fit(demonstrations: Sequence[Demonstration], protocol: Protocol, seed: int) 
     return Regression(protocol, {name: fit_chosen(part, protocol, linear, GRID) for name, part in groups})
 
 
-RIDGE = Baseline("ridge", "ridge regression", fit, seeded=False)
+RIDGE = Baseline("ridge", "ridge", fit, seeded=False)

@@ -46,4 +46,4 @@ def fit(demonstrations: Sequence[Demonstration], protocol: Protocol, seed: int) 
     return TimeIndexedMean(protocol, {name: _mean_motion(part, protocol) for name, part in groups})
 
 
-TIME_INDEXED_MEAN = Baseline("time_indexed_mean", "mean motion, open loop", fit, seeded=False)
+TIME_INDEXED_MEAN = Baseline("time_indexed_mean", "mean motion", fit, seeded=False)

@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Errors for people and for machines: tables, JSON, Markdown."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.table import Table
+
+if TYPE_CHECKING:
+    from mild_core.learning.comparison import Row
+    from mild_core.learning.evaluation import Errors
+
+
+def errors_as_data(errors: Errors) -> dict[str, Any]:
+    """Errors as plain data; a figure that does not exist is None."""
+    rows = {
+        name: {"mse": row.mse, "mse_std": row.mse_std, "windows": row.windows, "trials": row.trials}
+        for name, row in errors.interactions.items()
+    }
+    return {
+        "macro": {"mse": errors.macro_mse, "interval": errors.macro_interval},
+        "interactions": rows,
+        "rmse_deg": errors.pooled_rmse_deg,
+        "mean_absolute_deg": None if errors.mean_absolute is None else math.degrees(errors.mean_absolute),
+        "windows": errors.windows,
+        "trials": errors.trials,
+        "unit": "rad^2",
+    }
+
+
+def print_json(head: Mapping[str, Any], errors: Errors) -> None:
+    """One object on standard output."""
+    print(json.dumps({**head, **errors_as_data(errors)}, indent=1))
+
+
+def print_model(head: Mapping[str, Any], errors: Errors) -> None:
+    """A table of one model's errors."""
+    console = Console()
+    if errors.macro_mse is None:
+        console.print(f"{head['model']}: {head['note']} (0 windows)", highlight=False, soft_wrap=True)
+        return
+    title = f"{head['model']}: protocol {head['protocol']}, {head['split']} trials, labels {head['labels']}"
+    table = Table("interaction", title=title)
+    for column in ("error [rad²]", "± over windows", "windows", "trials"):
+        table.add_column(column, justify="right")
+    for name, row in errors.interactions.items():
+        table.add_row(name, _number(row.mse), _number(row.mse_std), str(row.windows), str(row.trials))
+    table.add_section()
+    table.add_row("macro", _number(errors.macro_mse), "", str(errors.windows), str(errors.trials))
+    console.print(table)
+    low, high = errors.macro_interval or (math.nan, math.nan)
+    lines = [f"macro {_number(errors.macro_mse)} rad², 95 % of draws of trials within {low:.4f} to {high:.4f}"]
+    lines += [f"all windows: RMSE {errors.pooled_rmse_deg:.2f}°, mean {math.degrees(errors.mean_absolute or 0):.2f}°"]
+    if head["recognised_share"] is not None:
+        lines += [f"the right interaction in {head['recognised_share']:.1%} of the windows"]
+    console.print("\n".join([*lines, *([head["note"]] if head["note"] else [])]), highlight=False, soft_wrap=True)
+
+
+def rows_as_data(rows: Sequence[Row]) -> list[dict[str, Any]]:
+    """A comparison as plain data."""
+    return [
+        {
+            "method": row.method,
+            "title": row.title,
+            "labels": row.labels,
+            "seeds": row.seeds,
+            "macro_mean": row.macro_mean,
+            "macro_std": row.macro_std,
+            "relative": {
+                name: {"change": relative.change, "interval": relative.interval}
+                for name, relative in row.relative.items()
+            },
+            "seconds": row.seconds,
+            **errors_as_data(row.errors),
+        }
+        for row in rows
+    ]
+
+
+def overall_cells(rows: Sequence[Row]) -> list[list[str]]:
+    """Header and lines of the comparison over all interactions, for `rich` and Markdown alike."""
+    bars = list(dict.fromkeys(name for row in rows for name in row.relative))
+    titles = {row.method: row.title for row in rows}
+    lines = [["method", "labels", "macro [rad²]", "95 %", "RMSE", *(f"vs {titles[name]}" for name in bars)]]
+    for row in rows:
+        low, high = row.errors.macro_interval or (math.nan, math.nan)
+        spread = "" if row.macro_std is None else f" ± {row.macro_std:.4f}"
+        against = [f"{row.relative[name].change:+.0%}" if name in row.relative else "" for name in bars]
+        macro = f"{row.macro_mean:.4f}{spread}"
+        rmse = f"{row.errors.pooled_rmse_deg or math.nan:.1f}°"
+        lines.append([row.title, row.labels, macro, f"{low:.3f} to {high:.3f}", rmse, *against])
+    return lines
+
+
+def interaction_cells(rows: Sequence[Row]) -> list[list[str]]:
+    """Header and lines of the comparison interaction by interaction."""
+    names = list(rows[0].errors.interactions)
+    lines = [["method", "labels", *names]]
+    for row in rows:
+        each = (row.errors.interactions[name] for name in names)
+        lines.append([row.title, row.labels, *(f"{_number(one.mse)} ± {_number(one.mse_std)}" for one in each)])
+    return lines
+
+
+def print_comparison(title: str, rows: Sequence[Row]) -> None:
+    """Tables of all methods, the best first."""
+    console = Console()
+    for name, lines in ((title, overall_cells(rows)), ("mean ± deviation over windows", interaction_cells(rows))):
+        table = Table(title=name)
+        for place, column in enumerate(lines[0]):
+            table.add_column(column, justify="left" if place < 2 else "right", no_wrap=place < 3)
+        for line in lines[1:]:
+            table.add_row(*line)
+        console.print(table)
+
+
+def markdown(rows: Sequence[Row]) -> str:
+    """The same tables in Markdown."""
+    return "\n".join(_markdown_table(lines) for lines in (overall_cells(rows), interaction_cells(rows)))
+
+
+def _markdown_table(lines: Sequence[Sequence[str]]) -> str:
+    rule = ["---", "---", *["---:"] * (len(lines[0]) - 2)]
+    return "".join(f"| {' | '.join(line)} |\n" for line in (lines[0], rule, *lines[1:]))
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.4f}"

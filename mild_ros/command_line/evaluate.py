@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`mild evaluate`: how wrong a model is, and how wrong every method is on trials it has not seen."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mild_core.errors import SetupError, unknown_name
+
+if TYPE_CHECKING:
+    from mild_core.inference.model import MildModel
+    from mild_core.learning.demonstration import Demonstration
+    from mild_core.learning.evaluation import TrialErrors
+    from mild_core.learning.recording import Recording
+    from mild_core.learning.windows import Protocol
+
+LABELS = ("given", "recognised")
+TEST = "test"
+
+
+def evaluate(
+    model: Annotated[str, typer.Option(metavar="NAME|FOLDER", help="A shipped model, or the folder of yours.")] = "",
+    data: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="The recording [default: $MILD_DATA/<dataset's file>].")
+    ] = None,
+    dataset: Annotated[str, typer.Option(help="Which recording that is.")] = "buetepage_hr",
+    protocol: Annotated[
+        str, typer.Option(help="same, ahead or next: what is predicted [default: the model's; of --cv: same].")
+    ] = "",
+    split: Annotated[str, typer.Option(help="train or test trials, as published.")] = "train",
+    labels: Annotated[str, typer.Option(help="given: the model is told the interaction; recognised: it is not.")] = (
+        "given"
+    ),
+    cv: Annotated[bool, typer.Option("--cv", help="Cross-validate all methods over the training trials.")] = False,
+    every: Annotated[bool, typer.Option("--all", help="With --cv: all three protocols.")] = False,
+    seeds: Annotated[int, typer.Option(min=1, help="With --cv: runs of each method that draws at random.")] = 3,
+    method: Annotated[list[str] | None, typer.Option(help="With --cv: only this one; may be repeated.")] = None,
+    workers: Annotated[int, typer.Option(min=0, help="With --cv: processes [default: one per core].")] = 0,
+    out: Annotated[Path, typer.Option(metavar="FOLDER", help="With --cv: where the tables are written.")] = Path("out"),
+    json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output, nothing else.")] = False,
+) -> None:
+    """A model's error per interaction, or a cross-validation of all methods.
+
+    **One model**, run exactly as it runs on the robot, over all windows of the published trials:
+
+        mild evaluate --model yumi_buetepage_same
+
+        mild evaluate --model models/yumi_buetepage_ahead --protocol ahead --labels recognised --json
+
+    A model knows one protocol; another one is refused, because such figures would not compare. Training trials are
+    those that a shipped model learned from, so what they show is memory: the honest figure is that of --cv. Where the
+    publishers' test trials are not in the file, --split test says so, shows 0 windows and null errors, and exits 0.
+
+    **All methods**, each learned four times on three quarters of the training trials, scored on the rest:
+
+        mild evaluate --cv --protocol same --seeds 3
+
+        mild evaluate --cv --method mild --method kernel_ridge
+
+    Errors are squared differences of joint angles averaged over joints and window [rad²]; "macro" is the mean over the
+    interactions. JSON: `macro.mse`, `interactions.<name>.mse`, `.mse_std`, `.windows`.
+    """
+    from mild_core.learning.datasets import DATASETS
+
+    if cv == bool(model):
+        raise SetupError(
+            "evaluate", "nothing to do" if not cv else "--cv learns its own models", "give --model or --cv"
+        )
+    if dataset not in DATASETS:
+        raise unknown_name("dataset", dataset, DATASETS)
+    path = data or DATASETS[dataset].default_path()
+    if cv:
+        from mild_ros.command_line.cross_validate import cross_validate
+
+        cross_validate(dataset, path, _protocols(protocol, every), tuple(method or ()), seeds, workers, out, json)
+        return
+    _evaluate_model(model, DATASETS[dataset], path, protocol, split, labels, json)
+
+
+def _protocols(protocol: str, every: bool) -> tuple[str, ...]:
+    from mild_core.learning.windows import PROTOCOLS, protocol_named
+
+    return tuple(PROTOCOLS) if every else (protocol_named(protocol or "same").name,)
+
+
+def _evaluate_model(
+    name: str, recording: Recording, path: Path, protocol_name: str, split: str, labels: str, json: bool
+) -> None:
+    """Print the errors of one model."""
+    from mild_core.inference.model import load_model
+    from mild_core.learning.evaluation import summarise
+    from mild_core.learning.model_predictor import require_fit
+    from mild_core.learning.windows import protocol_named
+    from mild_ros.command_line.error_tables import print_json, print_model
+    from mild_ros.share import model_folder
+
+    if labels not in LABELS:
+        raise unknown_name("labels", labels, LABELS)
+    model = load_model(model_folder(name))
+    protocol = protocol_named(protocol_name or model.manifest.protocol)
+    require_fit(model.manifest, protocol, ())
+    trials = recording.read(path).split(split)
+    require_fit(model.manifest, protocol, trials)
+    errors, right = _measure(model, protocol, trials, labels)
+    head = {"model": model.manifest.name, "dataset": recording.name, "protocol": protocol.name, "split": split}
+    head |= {"labels": labels, "recognised_share": right, "note": _note(split, path, len(trials))}
+    summary = summarise(errors, recording.interactions)
+    (print_json if json else print_model)(head, summary)
+
+
+def _note(split: str, path: Path, trials: int) -> str:
+    if not trials:
+        return f"the {split} split of {path} is empty: nothing was measured"
+    return "" if split == TEST else "training trials: a shipped model has learned from them; see --cv for unseen ones"
+
+
+def _measure(
+    model: MildModel, protocol: Protocol, trials: tuple[Demonstration, ...], labels: str
+) -> tuple[list[TrialErrors], float | None]:
+    """Errors of each trial, and the share of windows in which inference acted upon the right interaction."""
+    from rich.console import Console
+    from rich.progress import track
+
+    from mild_core.learning.evaluation import errors_of_trial
+    from mild_core.learning.model_predictor import AUTO, ModelPredictor
+
+    predictor, right, windows = ModelPredictor(model, protocol), 0, 0
+    errors: list[TrialErrors] = []
+    for trial in track(trials, "measuring", console=Console(stderr=True), transient=True, disable=not trials):
+        answers = predictor.answers(trial, trial.interaction if labels == LABELS[0] else AUTO)
+        errors.append(errors_of_trial(trial, protocol, answers.predicted))
+        right += sum(name == trial.interaction for name in answers.interactions)
+        windows += len(answers.interactions)
+    return errors, right / windows if windows and labels != LABELS[0] else None
