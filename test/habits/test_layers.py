@@ -101,6 +101,10 @@ PLANTED = {
     "the shell imports torch": ("mild_ros/bags.py", "from torch import nn"),
     "the shell imports learning": ("mild_ros/replay.py", "def f():\n    from mild_core.learning import datasets"),
     "the command line imports learning at once": ("mild_ros/command_line/x.py", "from mild_core.learning import vae"),
+    "the command line imports learning where no type checker guards it": (
+        "mild_ros/command_line/x.py",
+        "if TYPE_CHECKING:\n    import os\nelse:\n    from mild_core.learning import vae",
+    ),
     "a node imports another stage": ("mild_ros/perception_node.py", "from mild_core.inference.stage import Inference"),
     "a node imports another node": ("mild_ros/pipeline_node.py", "from mild_ros.perception_node import PerceptionNode"),
     "bags need rclpy": ("mild_ros/bags.py", "import rclpy\nfrom rosbags.highlevel import AnyReader"),
@@ -119,6 +123,7 @@ def test_what_the_law_allows_passes(tmp_path: Path) -> None:
     plant(tmp_path, "mild_core/inference/x.py", "import math\nimport numpy\nfrom mild_core.signals import MotionWindow")
     plant(tmp_path, "mild_core/learning/x.py", "import torch\nfrom mild_core.inference.model import save_model")
     plant(tmp_path, "mild_ros/command_line/x.py", "def f():\n    from mild_core.learning import vae")
+    plant(tmp_path, "mild_ros/command_line/y.py", "if TYPE_CHECKING:\n    from mild_core.learning import vae")
     plant(tmp_path, "mild_ros/perception_node.py", "import rclpy\nfrom mild_core.perception.stage import Perception")
     assert violations(tmp_path) == []
 

@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parent.parent.parent
 
 
 class Import(NamedTuple):
-    """One imported module: `module` in full, on `line`; `lazily` when it is inside a function."""
+    """One imported module: `module` in full, on `line`; `lazily` when it is inside a function, or for type checkers only."""
 
     module: str
     line: int
@@ -43,12 +43,18 @@ def imports(root: Path, path: Path) -> list[Import]:
     """Every module that `path` imports, however it is written; `from a import b` counts as `a.b`."""
     tree = parse(path)
     package = path.relative_to(root).parent.parts
-    inside = {id(node) for function in functions(tree) for node in ast.walk(function)}
+    inside = {id(node) for later in [*functions(tree), *_for_type_checkers(tree)] for node in ast.walk(later)}
     found = []
     for node in ast.walk(tree):
         for module in _modules(node, package):
             found.append(Import(module, getattr(node, "lineno", 0), id(node) in inside))
     return found
+
+
+def _for_type_checkers(tree: ast.AST) -> list[ast.stmt]:
+    """What stands under `if TYPE_CHECKING:`; its `else` is run."""
+    guards = [node for node in ast.walk(tree) if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"]
+    return [statement for guard in guards for statement in guard.body]
 
 
 def _modules(node: ast.AST, package: tuple[str, ...]) -> Iterator[str]:
