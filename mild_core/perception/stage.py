@@ -111,8 +111,8 @@ class Perception:
             return _ended(self._outgrown(state, person, error, events), events, error.reason, error.detail)
         if state.calibration is None:
             return _ended(state, events, outcome, detail)
-        state, windows = self._sampled(state, state.calibration, person.stamp_ns, arm, events)
-        return _ended(state, events, "accepted", windows=windows)
+        stream, windows = self._sampled(state, state.calibration, person.stamp_ns, arm, events)
+        return _ended(state, events, "accepted", windows=windows, stream=stream)
 
     def _in_known_frame(self, state: PerceptionState, people: tuple[SkeletonFrame, ...]) -> tuple[SkeletonFrame, ...]:
         """Those whose positions are in the tf frame that was asked for, calibrated in, or seen first."""
@@ -204,7 +204,7 @@ class Perception:
 
     def _sampled(
         self, state: PerceptionState, calibration: Calibration, stamp_ns: int, arm: list[Point], events: Counter[str]
-    ) -> _Stepped:
+    ) -> tuple[ArmStream, tuple[FeatureWindow, ...]]:
         """Resample up to this frame and make a window of each new point."""
         settings, stream, filled = self.settings, state.stream, False
         arm_m = in_arm_frame(np.array(arm), calibration)
@@ -219,7 +219,7 @@ class Perception:
         windows = tuple(FeatureWindow(stamp, ARM_FRAME, settings.joint_names, features) for stamp, features in rows)
         events["windows"] += len(windows)
         events["filled"] += max(0, len(windows) - 1) * filled
-        return replace(state, stream=stream), windows
+        return stream, windows
 
 
 def _ended(
@@ -228,10 +228,11 @@ def _ended(
     outcome: str,
     detail: str = "",
     windows: tuple[FeatureWindow, ...] = (),
+    stream: ArmStream | None = None,
 ) -> _Stepped:
-    """Count the outcome and the events of a message."""
+    """Count the outcome and the events of a message; keep the stream that it extended, if it did."""
     counts = dict(state.counts)
     for event, number in ((outcome, 1), *events.items()):
         if number:
             counts[event] = counts.get(event, 0) + number
-    return replace(state, counts=counts, outcome=outcome, detail=detail), windows
+    return replace(state, counts=counts, outcome=outcome, detail=detail, stream=stream or state.stream), windows

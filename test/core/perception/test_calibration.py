@@ -40,6 +40,12 @@ def test_the_arm_frame_is_the_persons_wherever_the_camera_stands(
     np.testing.assert_allclose(newest_arms(windows), truth(windows), atol=EXACT_M)
 
 
+def test_a_second_with_a_hole_is_no_neutral_second() -> None:
+    times = np.concatenate([at_rate(40.0, 0.5), 1.2 + at_rate(40.0, 1.5)])
+    _, windows = run(seen(times, lambda times: np.repeat(swing_start(), len(times), axis=0)))
+    assert windows[0].stamp_ns == pytest.approx(2.2 * SECOND, abs=SECOND // 40)
+
+
 def moved(people: People, positions_m: FloatArray) -> People:
     return (replace(people[0], positions_m=positions_m),)
 

@@ -130,6 +130,46 @@ def test_a_body_that_shows_nothing_is_not_locked_on(alone: list[People]) -> None
     assert state.lock.person_id == PERSON
 
 
+def test_of_two_bodies_in_one_place_the_one_with_the_right_number_wins() -> None:
+    """In a hug the other body may be nearer to where the watched one was a frame ago."""
+    stood = seen(at_rate(40.0, 2.0), _at_rest)
+    hug = [
+        (beside(p, metres=0.02), replace(p, positions_m=p.positions_m + np.array([0.15, 0.0, 0.0])))
+        for (p,) in seen(2.0 + at_rate(40.0, 0.025), _at_rest)
+    ]
+    hug = [(replace(near, positions_m=near.positions_m + np.array([0.0, 0.0, 0.2])), far) for near, far in hug]
+    state, _ = run([*stood, *hug])
+    assert state.counts["bystanders"] == 1
+    assert state.lock
+    assert state.lock.person_id == PERSON
+
+
+def test_a_ghost_beside_a_person_is_not_chosen(alone: list[People]) -> None:
+    def ghost(p: SkeletonFrame) -> SkeletonFrame:
+        return replace(p, person_id=99, positions_m=np.zeros_like(p.positions_m))
+
+    _, expected = run(alone)
+    state, windows = run([(ghost(p), p) for (p,) in alone])
+    same(windows, expected)
+    assert state.lock
+    assert state.lock.person_id == PERSON
+
+
+def test_a_person_whose_trunk_was_hidden_is_found_again_by_where_it_was(alone: list[People]) -> None:
+    def trunkless(p: SkeletonFrame) -> SkeletonFrame:
+        positions = p.positions_m.copy()
+        for name in ("pelvis", "chest", "left_shoulder", "right_shoulder", "head"):
+            positions[p.joint_names.index(name)] = 0.0
+        return replace(p, positions_m=positions)
+
+    crowd = [(trunkless(p),) if 80 <= index < 84 else (p,) for index, (p,) in enumerate(alone)]
+    crowd = [(replace(p, person_id=PERSON + (index >= 84)),) for index, (p,) in enumerate(crowd)]
+    state, windows = run(crowd)
+    assert state.counts["zeroed"] == 4
+    assert state.counts["reacquired"] == 1
+    assert len(windows) == 120
+
+
 def test_bones_of_somebody_else_lead_to_a_new_calibration(alone: list[People]) -> None:
     def giant(p: SkeletonFrame) -> SkeletonFrame:
         return replace(p, positions_m=p.positions_m[:1] + 1.5 * (p.positions_m - p.positions_m[:1]))

@@ -110,6 +110,13 @@ REFUSED = {
 }
 
 
+def test_a_confidence_that_is_no_number_is_none() -> None:
+    messages = seen(at_rate(40.0, 1.1))
+    messages[-1] = (changed(messages[-1][0], "right_elbow", confidence=np.nan),)
+    state, _ = run(messages)
+    assert state.outcome == "low_confidence"
+
+
 @pytest.mark.parametrize("infinite", [np.inf, -np.inf, np.nan])
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_no_coordinate_may_be_infinite(infinite: float, axis: int) -> None:
