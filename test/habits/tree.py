@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parent.parent.parent
 
 
 class Import(NamedTuple):
-    """One imported module: `module` in full, on `line`; `lazily` when it is inside a function, or for type checkers only."""
+    """One imported module: `module` in full, on `line`; `lazily` when inside a function or for type checkers only."""
 
     module: str
     line: int
