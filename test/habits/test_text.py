@@ -86,11 +86,17 @@ def unsafe_loading(root: Path) -> list[str]:
     found = []
     for path in python_files(root):
         name = path.relative_to(root).as_posix()
+        may_name_pickle = name == READER or name.startswith("test/")
         for node in ast.walk(parse(path)):
-            is_excepted = name == ATTACKS or (name == READER and isinstance(node, ast.Import))
+            is_excepted = name == ATTACKS or (may_name_pickle and isinstance(node, ast.Import)) or _of_own_making(node)
             if (why := _unsafe(node)) and not is_excepted:
                 found.append(f"{path.relative_to(root)}:{getattr(node, 'lineno', 0)} {why}")
     return found
+
+
+def _of_own_making(node: ast.AST) -> bool:
+    """`pickle.loads(pickle.dumps(x))`: a copy, as saved and restored, of what this process made."""
+    return ast.unparse(node).startswith("pickle.loads(pickle.dumps(") if isinstance(node, ast.Call) else False
 
 
 def _unsafe(node: ast.AST) -> str:
@@ -140,6 +146,7 @@ GATES: dict[Callable[[Path], list[str]], list[tuple[str, str]]] = {
         ("a.py", "subprocess.run(line, shell=True)"),
         ("a.py", "eval(text)"),
         ("mild_core/learning/archive.py", "import pickle\npickle.loads(text)"),
+        ("test/test_a.py", "import pickle\npickle.loads(text)"),
     ],
 }
 
@@ -157,6 +164,7 @@ def test_a_planted_violation_is_rejected(
 def test_what_is_allowed_passes(tmp_path: Path) -> None:
     plant(tmp_path, "run", f"#!/bin/sh\n{LICENCE}\n. /usr/share/x; echo docs/work/a ~/work $HOME/work /workshop\n")
     plant(tmp_path, "mild_core/a.py", f"{LICENCE}\nimport torch\ntorch.load(path, weights_only=True)\n")
+    plant(tmp_path, "test/test_a.py", f"{LICENCE}\nimport pickle\npickle.loads(pickle.dumps(state))\n")
     plant(tmp_path, "models/a/golden.npz", "")
     plant(tmp_path, "bags/a/SOURCE.md", "Synthetic: sampled from a model.")
     plant(tmp_path, "bags/a/a_0.mcap", "")
