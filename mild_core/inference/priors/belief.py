@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from mild_core.inference.gaussian import Gaussian
 from mild_core.shapes import FloatArray, read_only
 
 
@@ -45,3 +46,18 @@ class Filtered:
     weights: FloatArray
     log_likelihoods: FloatArray
     conditioned_means: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """One observed latent as each component sees it, whatever was before.
+
+    Attributes:
+        log_emissions: (K,) log-densities of the observed block.
+        distances: (K,) Mahalanobis distances in it.
+        conditioned: (K,) Gaussians over the controlled latent, given the observed one.
+    """
+
+    log_emissions: FloatArray
+    distances: FloatArray
+    conditioned: Gaussian

@@ -77,6 +77,7 @@ def observe_frame(
     components: tuple[FloatArray, FloatArray],
     observed: tuple[FloatArray, FloatArray],
     log_emission: FloatArray,
+    distances: FloatArray,
     conditioned_means: FloatArray,
     conditioned_covariances: FloatArray,
 ) -> None:
@@ -86,6 +87,7 @@ def observe_frame(
         components: Means (K, Z), observed dimensions first, and covariances (K, Z, Z).
         observed: Posterior mean (Q,) of the encoder and its covariance (Q, Q), which widens the observed block.
         log_emission: (K,) filled with log N(observed; mean, covariance) of the observed block.
+        distances: (K,) filled with the Mahalanobis distances in it.
         conditioned_means: (K, Z - Q) filled.
         conditioned_covariances: (K, Z - Q, Z - Q) filled; an array of length 0 leaves them out.
 
@@ -102,6 +104,7 @@ def observe_frame(
         log_determinant = factorise(block, size)
         distance = whiten(block, latent, means[j], whitened)
         log_emission[j] = -0.5 * (size * LOG_TWO_PI + distance) - log_determinant
+        distances[j] = np.sqrt(distance)
         whiten_rows(block, size)
         for row in range(size, total):
             value = means[j, row]
@@ -126,10 +129,12 @@ def observe_frames(
     conditioned_means: FloatArray,
 ) -> None:
     """`observe_frame` for (T, Q) latents with (T, Q, Q) covariances, without conditioned covariances."""
+    means, _ = components
     latents, widenings = observed
-    nothing = np.empty((0, 0, 0))
+    distances, nothing = np.empty(means.shape[0]), np.empty((0, 0, 0))
     for t in range(latents.shape[0]):
-        observe_frame(components, (latents[t], widenings[t]), log_emissions[t], conditioned_means[t], nothing)
+        frame = (latents[t], widenings[t])
+        observe_frame(components, frame, log_emissions[t], distances, conditioned_means[t], nothing)
 
 
 @compiled

@@ -15,7 +15,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from mild_core.inference.gaussian import Gaussian, mixture_moments
-from mild_core.inference.priors.belief import Belief, Filtered
+from mild_core.inference.priors.belief import Belief, Explanation, Filtered
 from mild_core.inference.priors.chain import (
     Chain,
     ChainCounts,
@@ -161,27 +161,59 @@ class Prior(ABC):
             "phases": self.phases,
         }
 
+    @property
+    def controlled_size(self) -> int:
+        """C = Z - Q."""
+        return int(self.components.mean.shape[1]) - self.observed_size
+
     def initial_belief(self) -> Belief:
         """The belief before the first frame."""
         memory = np.zeros((self.chain.components, self.chain.longest))
         return Belief(self.chain.initial, memory, False, 0.0, True)
 
-    def update(self, belief: Belief, observed: FloatArray, observed_covariance: FloatArray | None = None) -> Belief:
+    def explain(self, observed: FloatArray, observed_covariance: FloatArray | None = None) -> Explanation:
+        """What each component says of one observed latent and expects of the controlled one.
+
+        Args:
+            observed: (Q,) latent of the observed agent.
+            observed_covariance: (Q, Q) of the encoder; widens the observed block. None: exact.
+
+        Source: eq. 8 of MILD, corrected.
+        """
+        require_shape("observed", observed, (self.observed_size,))
+        components, controlled = self.chain.components, self.controlled_size
+        if observed_covariance is None:
+            observed_covariance = np.zeros((self.observed_size, self.observed_size))
+        log_emissions, distances = np.empty(components), np.empty(components)
+        means, covariances = np.empty((components, controlled)), np.empty((components, controlled, controlled))
+        latent = np.ascontiguousarray(observed, dtype=np.float64)
+        widening = np.ascontiguousarray(observed_covariance, dtype=np.float64)
+        gaussians = (self.components.mean, self.components.covariance)
+        observe_frame(gaussians, (latent, widening), log_emissions, distances, means, covariances)
+        means.flags.writeable = covariances.flags.writeable = False
+        return Explanation(log_emissions, distances, Gaussian(means, covariances))
+
+    def advance(self, belief: Belief, explanation: Explanation, missed: int = 0) -> Belief:
         """The belief after one more frame, in O(K D + K^2).
 
         Args:
             belief: After the frames before.
-            observed: (Q,) latent of the observed agent.
-            observed_covariance: (Q, Q) of the encoder; widens the observed block. None: exact.
+            explanation: Of the frame.
+            missed: Frames that went by unseen in between.
 
         Source: eq. 6 of MILD with explicit durations, METHOD section 2.
         """
-        require_shape("observed", observed, (self.observed_size,))
-        log_emission, _, _ = self._observe(observed, observed_covariance)
+        log_emissions = np.zeros((missed + 1, self.chain.components))
+        log_emissions[missed] = explanation.log_emissions
         memory = belief.memory.copy() if belief.started else None
-        after = run_filter(self.chain, log_emission[None], memory, self.restart)
-        log_likelihood = float(after.log_likelihoods[0])
-        return Belief(after.weights[0], after.memory, True, log_likelihood, log_likelihood > UNDERFLOW)
+        after = run_filter(self.chain, log_emissions, memory, self.restart)
+        log_likelihood = float(after.log_likelihoods[missed])
+        after.memory.flags.writeable = after.weights.flags.writeable = False
+        return Belief(after.weights[missed], after.memory, True, log_likelihood, log_likelihood > UNDERFLOW)
+
+    def update(self, belief: Belief, observed: FloatArray, observed_covariance: FloatArray | None = None) -> Belief:
+        """`explain` and `advance` in one: the belief after one more observed latent."""
+        return self.advance(belief, self.explain(observed, observed_covariance))
 
     def filter(self, observed: FloatArray, observed_covariances: FloatArray | None = None) -> Filtered:
         """`update` over a whole recording at once, for learning and evaluation.
@@ -190,12 +222,12 @@ class Prior(ABC):
             observed: (T, Q).
             observed_covariances: (T, Q, Q); None: exact.
         """
-        frames, total = len(observed), self.components.mean.shape[1]
+        frames = len(observed)
         require_shape("observed", observed, (None, self.observed_size))
         if observed_covariances is None:
             observed_covariances = np.zeros((frames, self.observed_size, self.observed_size))
         emissions = np.empty((frames, self.chain.components))
-        conditioned = np.empty((frames, self.chain.components, total - self.observed_size))
+        conditioned = np.empty((frames, self.chain.components, self.controlled_size))
         latents = np.ascontiguousarray(observed, dtype=np.float64)
         widenings = np.ascontiguousarray(observed_covariances, dtype=np.float64)
         gaussians = (self.components.mean, self.components.covariance)
@@ -213,8 +245,7 @@ class Prior(ABC):
 
         Source: eqs. 7 and 8 of MILD, corrected, with the moments of METHOD section 2.
         """
-        _, means, covariances = self._observe(observed, observed_covariance)
-        return mixture_moments(belief.weights, Gaussian(means, covariances))
+        return mixture_moments(belief.weights, self.explain(observed, observed_covariance).conditioned)
 
     def component_path(self, frames: int) -> list[int]:
         """The likeliest component of each of T frames when nothing is observed: the paper's prior of frame t.
@@ -257,20 +288,3 @@ class Prior(ABC):
             if history[-1] - history[-2] < settings.tolerance * len(frames.times):
                 break
         return Fit(prior, tuple(history))
-
-    def _observe(
-        self, observed: FloatArray, observed_covariance: FloatArray | None
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Log-densities (K,), conditioned means (K, Z - Q) and covariances of one observed latent."""
-        components, total = self.components.mean.shape
-        controlled = total - self.observed_size
-        if observed_covariance is None:
-            observed_covariance = np.zeros((self.observed_size, self.observed_size))
-        log_emission, means = np.empty(components), np.empty((components, controlled))
-        covariances = np.empty((components, controlled, controlled))
-        observe_frame(
-            (self.components.mean, self.components.covariance),
-            (np.asarray(observed, dtype=np.float64), np.asarray(observed_covariance, dtype=np.float64)),
-            log_emission, means, covariances,
-        )  # fmt: skip
-        return log_emission, means, covariances

@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A trained model as a value: its manifest and all its arrays, put together and checked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mild_core.errors import ModelError
+from mild_core.inference.manifest import Manifest, NetworkSpec
+from mild_core.inference.member import Member, spread_operators
+from mild_core.inference.networks import Network, build_network
+from mild_core.inference.priors import PRIORS
+from mild_core.inference.priors.prior import Prior
+from mild_core.shapes import FloatArray, read_only
+
+Arrays = Mapping[str, NDArray[Any]]
+
+TEMPER, FORGETTING = 0.1, 0.97
+"""Defaults of recognition: frames of a motion are far from independent, so each counts little and not for ever."""
+
+
+@dataclass(frozen=True, eq=False)
+class MildModel:
+    """What `Inference` runs.
+
+    Attributes:
+        manifest: What it is and was trained with.
+        members: Their decoded windows are averaged.
+        residual_covariance: (N, N) of a frame's error by cross-validation, averaged over the window [rad^2 or m^2].
+        temper: Power of each frame's likelihood in recognition.
+        forgetting: Share of the evidence that is kept from one frame to the next.
+    """
+
+    manifest: Manifest
+    members: tuple[Member, ...]
+    residual_covariance: FloatArray
+    temper: float
+    forgetting: float
+
+
+def build_model(manifest: Manifest, arrays: Arrays) -> MildModel:
+    """Put a manifest and its arrays together.
+
+    Args:
+        manifest: Says which arrays there are.
+        arrays: `member_<i>.<network>.<layer>.<array>`, `member_<i>.prior.<interaction>.<array>`,
+            `member_<i>.latent_radius`, and where there is such a network `member_<i>.distance.centres` and `.radii`;
+            `residual_covariance`; `recognition` (temper, forgetting), which may be left out.
+
+    Raises:
+        ModelError: An array is missing, of another shape, not finite or not what the manifest says; it is named.
+    """
+    taken = _Taken(arrays)
+    try:
+        members = tuple(
+            _build_member(f"member_{i}", specs, manifest, taken) for i, specs in enumerate(manifest.members)
+        )
+        size = manifest.controlled.values
+        residual = taken.array("residual_covariance", (size, size))
+        recognition = np.array([TEMPER, FORGETTING])
+        if "recognition" in arrays:
+            recognition = taken.array("recognition", (2,))
+        if not (0.0 < recognition[0] <= 1.0 and 0.0 < recognition[1] <= 1.0):
+            raise ValueError(f"array recognition is {recognition.tolist()}, not two shares of one")
+        unknown = sorted(set(arrays) - taken.names)
+        if unknown:
+            raise ValueError(f"array {unknown[0][:80]} belongs to nothing in the manifest")
+    except ValueError as error:
+        remedy = "take the folder as it was trained, or train it anew"
+        raise ModelError(f"model {manifest.name}", str(error), remedy) from None
+    return MildModel(manifest, members, residual, float(recognition[0]), float(recognition[1]))
+
+
+class _Taken:
+    """Arrays from outside, and which of them have been asked for."""
+
+    def __init__(self, arrays: Arrays) -> None:
+        self.arrays = arrays
+        self.names: set[str] = set()
+
+    def array(self, name: str, shape: tuple[int | None, ...]) -> FloatArray:
+        """A finite float64 array of a shape; None is any length."""
+        self.names.add(name)
+        if name not in self.arrays:
+            raise ValueError(f"array {name} is missing")
+        array = self.arrays[name]
+        fits = array.ndim == len(shape) and all(n is None or n == m for n, m in zip(shape, array.shape, strict=True))
+        if not fits:
+            wanted = "(" + ", ".join("any" if n is None else str(n) for n in shape) + ")"
+            raise ValueError(f"array {name} has shape {array.shape}, expected {wanted}")
+        if array.dtype.kind != "f" or not np.isfinite(array).all():
+            raise ValueError(f"array {name} holds values that are no finite numbers")
+        return read_only(array)
+
+
+def _build_member(prefix: str, specs: Mapping[str, NetworkSpec], manifest: Manifest, taken: _Taken) -> Member:
+    sizes = manifest.source_sizes()
+    if "context" in specs:
+        sizes["context"] = specs["context"].layers[-1].outputs
+    latent = manifest.latent_size
+    outputs = {
+        "encoder": latent + latent * (latent + 1) // 2,
+        "gate": manifest.prior.components,
+        "residual": latent,
+        "decoder": manifest.window * manifest.controlled.values,
+    }
+    networks = {name: _build(f"{prefix}.{name}", spec, sizes, outputs.get(name), taken) for name, spec in specs.items()}
+    for name, network in networks.items():
+        if network.memory_size and name != "context":
+            raise ValueError(f"{prefix}.{name} has a gru layer: only the context remembers")
+    priors = tuple(_build_prior(f"{prefix}.prior.{name}", manifest, taken) for name in manifest.interactions)
+    radius = taken.array(f"{prefix}.latent_radius", (len(priors),))
+    centres, radii = read_only(np.zeros((0, 0))), read_only(np.zeros(0))
+    if "distance" in networks:
+        centres = taken.array(f"{prefix}.distance.centres", (None, networks["distance"].outputs))
+        radii = taken.array(f"{prefix}.distance.radii", (len(centres),))
+    for name, values in (("latent_radius", radius), ("distance.radii", radii)):
+        if not (values > 0.0).all():
+            raise ValueError(f"array {prefix}.{name} holds a radius that is not above zero")
+    inputs = {name: spec.inputs for name, spec in specs.items()}
+    operators = spread_operators(networks["decoder"], inputs["decoder"], sizes, priors, manifest.window)
+    return Member(networks, inputs, priors, radius, centres, radii, operators)
+
+
+def _build(prefix: str, spec: NetworkSpec, sizes: Mapping[str, int], outputs: int | None, taken: _Taken) -> Network:
+    taken.names |= {f"{prefix}.{layer.name}.{array}" for layer in spec.layers for array in layer.shapes()}
+    for name in spec.inputs:
+        if name not in sizes:
+            raise ValueError(f"{prefix} takes in '{name}', and there is no such network")
+    network = build_network(spec.layers, taken.arrays, prefix)
+    wanted = sum(sizes[name] for name in spec.inputs)
+    if network.inputs != wanted:
+        raise ValueError(f"{prefix} takes {network.inputs} values, but {' + '.join(spec.inputs)} has {wanted}")
+    if outputs is not None and network.outputs != outputs:
+        raise ValueError(f"{prefix} gives {network.outputs} values, expected {outputs}")
+    return network
+
+
+def _build_prior(prefix: str, manifest: Manifest, taken: _Taken) -> Prior:
+    components, joint = manifest.prior.components, 2 * manifest.latent_size
+    shapes: dict[str, tuple[int | None, ...]] = {
+        "means": (components, joint),
+        "covariances": (components, joint, joint),
+        "initial": (components,),
+        "transitions": (components, components),
+        "durations": (components, None),
+        "phases": (components,),
+    }
+    arrays = {name: taken.array(f"{prefix}.{name}", shape) for name, shape in shapes.items()}
+    longest, most = arrays["durations"].shape[1], manifest.prior.max_duration
+    if longest > most:
+        raise ValueError(f"array {prefix}.durations is for {longest} steps, but prior.max_duration is {most}")
+    try:
+        np.linalg.cholesky(arrays["covariances"])
+        return PRIORS[manifest.prior.kind].from_arrays(arrays, manifest.latent_size, manifest.prior.restart)
+    except np.linalg.LinAlgError:
+        raise ValueError(f"array {prefix}.covariances holds one that is not positive definite") from None
+    except ValueError as error:
+        raise ValueError(f"{prefix}: {error}") from None

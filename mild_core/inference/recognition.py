@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which interaction is going on, from how well each one's prior predicts the person."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mild_core.shapes import FloatArray, read_only
+
+CLOSEST_CALL = 50.0
+"""Nats by which one frame can speak against an interaction at most: a single bad frame decides nothing for good."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recognition:
+    """What is believed about the interaction.
+
+    Attributes:
+        evidence: (P,) tempered log-likelihoods, forgotten little by little.
+        probabilities: (P,) sum to one.
+    """
+
+    evidence: FloatArray
+    probabilities: FloatArray
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "evidence", read_only(self.evidence))
+        object.__setattr__(self, "probabilities", read_only(self.probabilities))
+
+
+def undecided(interactions: int) -> Recognition:
+    """Nothing seen: all are equally likely."""
+    return Recognition(np.zeros(interactions), np.full(interactions, 1.0 / interactions))
+
+
+def given(interaction: int, interactions: int) -> Recognition:
+    """Somebody said which one it is."""
+    return Recognition(np.zeros(interactions), np.eye(interactions)[interaction])
+
+
+def recognise(before: Recognition, log_likelihoods: FloatArray, temper: float, forgetting: float) -> Recognition:
+    """Weigh one more frame.
+
+    Args:
+        before: The belief so far.
+        log_likelihoods: (P,) log p(frame | frames before, interaction), summed over a model's members.
+        temper: Power of one frame's likelihood. Successive windows overlap by W - 1 frames, so they are far from
+            independent.
+        forgetting: Share of the evidence that is kept, so that a new interaction is noticed.
+
+    Source: METHOD section 4, recognition by tempered per-interaction likelihood.
+    """
+    relative = np.maximum(log_likelihoods - log_likelihoods.max(), -CLOSEST_CALL)
+    evidence = forgetting * before.evidence + temper * relative
+    weights = np.exp(evidence - evidence.max())
+    return Recognition(evidence - evidence.max(), weights / weights.sum())
