@@ -94,7 +94,7 @@ class Retargeting:
             return replace(state, commanded_ns=None), ()
         elapsed_s = 0.0 if state.commanded_ns is None else (now_ns - state.commanded_ns) * 1e-9
         if elapsed_s > self.settings.max_gap_s:
-            state, elapsed_s = after_gap(state, motion), 0.0
+            state, elapsed_s = after_gap(state, motion, now_ns), 0.0
             motion = state.motion or motion
         state = self._in_next_mode(state, motion, now_ns)
         try:

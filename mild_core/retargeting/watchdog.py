@@ -30,13 +30,14 @@ def known(state: RetargetingState, settings: RetargetingSettings, now_ns: int) -
     return since_ns is None or (now_ns - since_ns) * 1e-9 <= settings.unknown_after_s
 
 
-def after_gap(state: RetargetingState, motion: JointMotion) -> RetargetingState:
+def after_gap(state: RetargetingState, motion: JointMotion, now_ns: int) -> RetargetingState:
     """The state after a long time without a command: the robot has come to rest at the last one.
 
     To go on with the speed of before would make a resting robot jump.
     """
-    mode = Mode.HOLDING if state.mode is Mode.FOLLOWING else state.mode
-    return replace(state, mode=mode, motion=JointMotion.at_rest(motion.position_rad)).counted("gap")
+    if state.mode is Mode.FOLLOWING:
+        state = replace(state, mode=Mode.HOLDING, holding_since_ns=now_ns)
+    return replace(state, motion=JointMotion.at_rest(motion.position_rad)).counted("gap")
 
 
 def after_time_jump(state: RetargetingState, now_ns: int) -> RetargetingState:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -93,6 +94,16 @@ def test_a_gap_in_time_does_not_make_the_robot_jump(gap_s: float) -> None:
     check_limits(YUMI, run.commands[spoken:])
 
 
+def test_after_a_gap_it_waits_before_it_goes_home() -> None:
+    run = Run()
+    run.wait(0.4, AWAY)
+    run.now_ns += SECOND_NS
+    run.wait(0.9 * run.retargeting.settings.home_after_s)
+    assert run.last.mode == "holding"
+    run.wait(0.2 * run.retargeting.settings.home_after_s)
+    assert run.last.mode == "returning"
+
+
 def test_a_robot_led_by_hand_is_not_pulled_back() -> None:
     run = Run()
     run.wait(1.5, AWAY)
@@ -163,3 +174,30 @@ def test_the_same_story_gives_the_same_bits_from_any_saved_state() -> None:
             assert _told(Retargeting(YUMI), saved, story[place:]) == said[spoken:]
         state, commands = used.step(state, given, now_ns)
         spoken += len(commands)
+
+
+def test_a_measurement_while_disabled_starts_the_commands_anew() -> None:
+    run = Run()
+    run.wait(0.1)
+    run.give(Request("disable"), measurement(AWAY, run.now_ns), Request("enable"))
+    run.now_ns += 1
+    run.give(None)
+    # A nanosecond after the last command at home: a first command, where the robot is now.
+    np.testing.assert_array_equal(run.last.positions_rad, AWAY)
+    assert run.state.commanded_ns == run.now_ns
+    assert "gap" not in run.state.counts
+
+
+def test_without_a_plan_the_robot_is_told_to_stay_and_it_is_counted() -> None:
+    run = Run()
+    run.wait(0.5, AWAY)
+    assert run.state.motion is not None
+    # No input leads to this: a saved state that was damaged.
+    run.state = replace(run.state, motion=replace(run.state.motion, velocity_rad_s=(float("nan"),) * 7))
+    before = run.last
+    run.wait(0.01)
+    np.testing.assert_array_equal(run.last.positions_rad, before.positions_rad)
+    np.testing.assert_array_equal(run.last.velocities_rad_s, np.zeros(7))
+    assert run.state.counts["no_plan"] == 1
+    run.wait(2.0, AWAY)
+    np.testing.assert_allclose(run.last.positions_rad, AWAY, atol=1e-6)
