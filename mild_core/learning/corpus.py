@@ -13,6 +13,7 @@ from torch.nn import functional
 from mild_core.learning.demonstration import Demonstration
 from mild_core.learning.settings import Augmentation
 from mild_core.learning.windows import Protocol
+from mild_core.shapes import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,8 +86,8 @@ def corpus_of(demonstrations: Sequence[Demonstration], protocol: Protocol, inter
     return Corpus(protocol, rate_hz, tuple(interactions), Tracks(observed, controlled, alive, label))
 
 
-def _padded(track: object, longest: int) -> Tensor:
-    frames = torch.as_tensor(track).to(torch.float32)
+def _padded(track: FloatArray, longest: int) -> Tensor:
+    frames = torch.tensor(track, dtype=torch.float32)
     return torch.cat([frames, frames[-1:].expand(longest - len(frames), -1)])
 
 
@@ -123,7 +124,7 @@ def _uniform(shape: tuple[int, ...], bound: float) -> Tensor:
 
 def _turned(positions: Tensor, yaw: Tensor) -> Tensor:
     """Positions (..., 3 J) turned about z by `yaw` [rad], broadcast to (..., J)."""
-    x, y, z = positions.unflatten(-1, (-1, 3)).unbind(-1)
+    x, y, z = positions.reshape(*positions.shape[:-1], -1, 3).unbind(-1)
     cosine, sine = torch.cos(yaw), torch.sin(yaw)
     return torch.stack([cosine * x - sine * y, sine * x + cosine * y, z], dim=-1).flatten(-2)
 

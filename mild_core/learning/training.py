@@ -1,0 +1,259 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Algorithm 1 of MILD as one generator: an epoch of the networks under a fixed prior, then the prior by EM.
+
+Nothing is printed or written here: whoever iterates gets a report of each epoch and, as the generator's return value,
+what was learned. Equal arguments give equal results on one machine and one number of threads.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+
+from mild_core.inference.priors import PRIORS
+from mild_core.inference.priors.prior import FitSettings, Prior
+from mild_core.learning.coordinates import Coordinates, plain_coordinates, principal_coordinates
+from mild_core.learning.corpus import Corpus, WindowBatch, bend, corpus_of, cut_tracks
+from mild_core.learning.demonstration import Demonstration
+from mild_core.learning.latent_prior import LatentPrior, latent_prior
+from mild_core.learning.objective import Objective, Terms
+from mild_core.learning.settings import TrainingSettings
+from mild_core.learning.trained import TrainedMember, TrainedModel
+from mild_core.learning.vae import MemberNetworks
+from mild_core.learning.windows import Protocol
+from mild_core.shapes import FloatArray
+
+WARM_UP_EPOCHS = 10
+LEAST_RATE = 0.02
+"""Share of the learning rate that the last epochs still have."""
+
+
+@dataclass(frozen=True)
+class EpochReport:
+    """How one epoch of one member went.
+
+    Attributes:
+        member: Its number, from 0.
+        members: How many there will be.
+        epoch: Its number, from 0.
+        epochs: How many there will be.
+        prediction: Mean error of the robot's window given the human's; see `objective.Terms` for all four.
+        observed: Mean error of the human's own window.
+        controlled: Mean error of the robot's own window.
+        divergence: Mean divergence of both posteriors from the prior [nats].
+        log_likelihood: Of the latents under the prior, by step [nats]; NaN while the prior is not re-estimated.
+    """
+
+    member: int
+    members: int
+    epoch: int
+    epochs: int
+    prediction: float
+    observed: float
+    controlled: float
+    divergence: float
+    log_likelihood: float
+
+
+def train(
+    demonstrations: Sequence[Demonstration],
+    protocol: Protocol,
+    settings: TrainingSettings,
+    seed: int,
+    interactions: Sequence[str] = (),
+) -> Generator[EpochReport, None, TrainedModel]:
+    """Train all members, one after the other.
+
+    Args:
+        demonstrations: To learn from.
+        protocol: How windows are cut.
+        settings: How to train.
+        seed: Of all draws.
+        interactions: All that the model shall know, by label; default: those demonstrated, in order.
+
+    Yields:
+        A report after each epoch.
+
+    Returns:
+        What was learned.
+
+    Raises:
+        ValueError: There is no demonstration.
+
+    Source: Algorithm 1 of MILD.
+    """
+    interactions = tuple(interactions or dict.fromkeys(d.interaction for d in demonstrations))
+    corpus = corpus_of(demonstrations, protocol, interactions)
+    members = []
+    for member in range(settings.members):
+        members.append((yield from _train_member(corpus, settings, seed, member)))
+    return TrainedModel(corpus.protocol, settings, seed, interactions, tuple(members))
+
+
+@contextmanager
+def drawing_from(*numbers: int) -> Iterator[None]:
+    """Make torch's draws inside depend on `numbers` alone, and leave no trace outside."""
+    with torch.random.fork_rng(devices=[]):
+        seed = 0
+        for number in numbers:
+            seed = (seed * 1_000_003 + number + 1) % (2**63 - 1)
+        torch.manual_seed(seed)
+        yield
+
+
+def _train_member(
+    corpus: Corpus, settings: TrainingSettings, seed: int, member: int
+) -> Generator[EpochReport, None, TrainedMember]:
+    question, answer = window_coordinates(corpus, settings)
+    labels = len(corpus.interactions)
+    with drawing_from(seed, member):
+        networks = MemberNetworks(settings.architecture, question.size, answer.size, labels, settings.dropout)
+    objective = Objective(settings, question, answer, labels)
+    optimiser = torch.optim.AdamW(networks.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay)
+    priors: dict[str, Prior] = {}
+    prior: LatentPrior | None = None
+    average: dict[str, Tensor] = {}
+    frozen = round(settings.prior.frozen_from * settings.epochs)
+    for epoch in range(settings.epochs):
+        if epoch == settings.observed_epochs and epoch:
+            networks.start_controlled_from_observed()
+            priors, prior = {}, None
+        for group in optimiser.param_groups:
+            group["lr"] = settings.learning_rate * _rate(settings, epoch)
+        with drawing_from(seed, member, epoch):
+            terms = _pass(networks, objective, optimiser, corpus, prior, epoch < settings.observed_epochs)
+        log_likelihood = math.nan
+        due = epoch % settings.prior.every == 0 or epoch == settings.observed_epochs or epoch >= frozen - 1
+        if prior is None or (epoch < frozen and due):
+            priors, prior, log_likelihood = _refit(networks, objective, corpus, priors)
+        if settings.averaging and epoch >= frozen:
+            average = _averaged(average, networks, settings.averaging)
+        yield EpochReport(member, settings.members, epoch, settings.epochs, *terms, log_likelihood)
+    if average:
+        networks.load_state_dict(average)
+    networks.eval()
+    assert prior is not None  # every epoch without one ends by making it
+    return TrainedMember(networks, prior, question, answer)
+
+
+def _rate(settings: TrainingSettings, epoch: int) -> float:
+    """Share of the learning rate in an epoch."""
+    if not settings.decaying:
+        return 1.0
+    falling = 0.5 * (1.0 + math.cos(math.pi * epoch / settings.epochs)) + LEAST_RATE
+    return min(1.0, (epoch + 1) / WARM_UP_EPOCHS) * falling
+
+
+def window_coordinates(corpus: Corpus, settings: TrainingSettings) -> tuple[Coordinates, Coordinates]:
+    """Coordinates of the human's and of the robot's windows, from the trials as recorded."""
+    windows = cut_tracks(corpus, corpus.tracks, 0, 1)
+    recorded = windows.valid > 0
+    architecture = settings.architecture
+    return (
+        _coordinates(windows.question[recorded], architecture.question_coordinates, architecture.whitening),
+        _coordinates(windows.answer[recorded], architecture.answer_coordinates, 0.0),
+    )
+
+
+def _coordinates(windows: Tensor, count: int, whitening: float) -> Coordinates:
+    return principal_coordinates(windows, count, whitening) if count else plain_coordinates(windows.shape[1])
+
+
+def _pass(
+    networks: MemberNetworks,
+    objective: Objective,
+    optimiser: torch.optim.Optimizer,
+    corpus: Corpus,
+    prior: LatentPrior | None,
+    observed_only: bool,
+) -> tuple[float, float, float, float]:
+    """One epoch: every trial, `copies` times, bent anew. Returns the mean terms."""
+    settings = objective.settings
+    tracks, phase = corpus.tracks, 0
+    if settings.augmentation is not None:
+        tracks = bend(tracks, settings.augmentation)
+        phase = int(torch.randint(corpus.protocol.keep_every, ()))
+    windows = cut_tracks(
+        corpus, tracks, int(torch.randint(settings.gradient_stride, ())), settings.gradient_stride, phase
+    )
+    networks.train()
+    sums, batches = torch.zeros(4), torch.split(torch.randperm(len(windows.label)), settings.batch_trials)
+    for rows in batches:
+        batch = WindowBatch(
+            windows.question[rows], windows.answer[rows], windows.valid[rows], windows.label[rows], windows.first
+        )
+        terms = objective.terms(networks, batch, prior, observed_only)
+        optimiser.zero_grad()
+        terms.total(settings.weights).backward()  # type: ignore[no-untyped-call]  # torch does not type it
+        nn.utils.clip_grad_norm_(networks.parameters(), settings.largest_gradient)
+        optimiser.step()
+        sums += _values(terms)
+    prediction, observed, controlled, divergence = (sums / len(batches)).tolist()
+    return prediction, observed, controlled, divergence
+
+
+def _values(terms: Terms) -> Tensor:
+    """(4,) the terms without their gradients."""
+    return torch.stack([terms.prediction, terms.observed, terms.controlled, terms.divergence]).detach()
+
+
+def _refit(
+    networks: MemberNetworks, objective: Objective, corpus: Corpus, priors: dict[str, Prior]
+) -> tuple[dict[str, Prior], LatentPrior, float]:
+    """Encode all trials as recorded and re-estimate each interaction's prior, from the last one if there is one."""
+    settings = objective.settings.prior
+    latents, widening, steps = encode(networks, objective, corpus)
+    fit = FitSettings(iterations=settings.iterations, covariance_fraction=settings.covariance_fraction)
+    refitted, log_likelihood, frames = {}, 0.0, 0
+    for name, sequences in latents.items():
+        before = priors.get(name)
+        if before is None:
+            size = objective.settings.architecture.latent
+            before = PRIORS[settings.kind].from_demonstrations(sequences, settings.components, size, fit)
+        found = before.fit(sequences, fit)
+        refitted[name] = found.prior
+        log_likelihood += found.log_likelihoods[-1]
+        frames += sum(len(z) for z in sequences)
+    return refitted, latent_prior(refitted, widening, steps), log_likelihood / frames
+
+
+def encode(
+    networks: MemberNetworks, objective: Objective, corpus: Corpus
+) -> tuple[dict[str, list[FloatArray]], tuple[Tensor, Tensor], int]:
+    """Joint latents of all trials as recorded.
+
+    Returns:
+        By interaction, one (N, Z) of posterior means per trial and interleaved copy (at most two of these: neighbours
+        are almost equal); the mean posterior covariances of both agents; the most steps that any window can be at.
+    """
+    stride = objective.settings.stride
+    latents: dict[str, list[FloatArray]] = {name: [] for name in corpus.interactions}
+    covariances: list[tuple[Tensor, Tensor]] = []
+    networks.eval()
+    steps = 0
+    with torch.no_grad():
+        for first in sorted({0, stride // 2}):
+            batch = cut_tracks(corpus, corpus.tracks, first, stride)
+            human = networks.observe(objective.known(networks, batch))
+            robot = networks.counterpart(objective.answer.project(batch.answer))
+            joint = torch.cat([human.mean, robot.mean], dim=-1).double().numpy()
+            for label, row, valid in zip(batch.label.tolist(), joint, batch.valid, strict=True):
+                latents[corpus.interactions[label]].append(row[: int(valid.sum())])
+            recorded = batch.valid > 0
+            covariances.append((human.covariance[recorded].mean(0), robot.covariance[recorded].mean(0)))
+            steps = max(steps, batch.valid.shape[1])
+    mean = (torch.stack([pair[0] for pair in covariances]).mean(0), torch.stack([p[1] for p in covariances]).mean(0))
+    return latents, mean, steps + 1
+
+
+def _averaged(average: dict[str, Tensor], networks: MemberNetworks, keep: float) -> dict[str, Tensor]:
+    """The running average of all weights, one epoch on."""
+    now = {name: value.detach().clone() for name, value in networks.state_dict().items()}
+    if not average:
+        return now
+    return {name: torch.lerp(now[name], value, keep) for name, value in average.items()}
