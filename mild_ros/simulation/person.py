@@ -74,34 +74,6 @@ _FOLLOWS = {
 _WRIST = 0.75
 """Where the wrist is on the way from elbow to hand."""
 
-BONES: tuple[tuple[str, str, float, str], ...] = (
-    ("pelvis", "spine", 0.13, "torso"),
-    ("spine", "chest", 0.14, "torso"),
-    ("chest", "neck", 0.1, "torso"),
-    ("left_shoulder", "right_shoulder", 0.07, "torso"),
-    ("left_hip", "right_hip", 0.1, "torso"),
-    ("neck", "head", 0.055, "head"),
-    ("head", "left_eye", 0.08, "head"),
-    ("head", "right_eye", 0.08, "head"),
-    ("head", "nose", 0.035, "head"),
-    ("left_ear", "right_ear", 0.03, "head"),
-    *(
-        bone
-        for side in ("left", "right")
-        for bone in (
-            (f"{side}_shoulder", f"{side}_elbow", 0.048, f"{side}_arm"),
-            (f"{side}_elbow", f"{side}_wrist", 0.04, f"{side}_arm"),
-            (f"{side}_wrist", f"{side}_hand", 0.036, f"{side}_hand"),
-            (f"{side}_hand", f"{side}_hand_tip", 0.028, f"{side}_hand"),
-            (f"{side}_hand", f"{side}_thumb", 0.016, f"{side}_hand"),
-            (f"{side}_hip", f"{side}_knee", 0.075, f"{side}_leg"),
-            (f"{side}_knee", f"{side}_ankle", 0.055, f"{side}_leg"),
-            (f"{side}_ankle", f"{side}_foot", 0.042, f"{side}_leg"),
-        )
-    ),
-)
-"""Capsules that draw a body: from joint, to joint, radius [m], part."""
-
 
 @dataclass(frozen=True)
 class ArmLengths:

@@ -11,7 +11,7 @@ from geometry_msgs.msg import PoseArray
 from rclpy.serialization import deserialize_message, serialize_message
 from visualization_msgs.msg import Marker, MarkerArray
 
-from mild_core.perception.skeletons import JOINTS, SOURCES, source_named
+from mild_core.perception.skeletons import JOINTS, SOURCES
 from mild_core.perception.stage import PerceptionSettings
 from mild_core.signals import SkeletonFrame
 from mild_ros.bags import jazzy_types
@@ -64,7 +64,7 @@ def test_two_people_travel_as_markers(sent) -> None:
 @ROADS
 def test_nobody_is_an_empty_message(sent) -> None:
     assert people_from_msg(sent(MarkerArray()), AZURE, NOW_NS) == ()
-    assert people_from_msg(sent(PoseArray()), source_named("pose_array", ("right_hand",)), NOW_NS) == ()
+    assert people_from_msg(sent(PoseArray()), SOURCES["pose_array"].with_joints(("right_hand",)), NOW_NS) == ()
 
 
 def test_markers_that_are_no_joints_are_passed_over() -> None:
@@ -106,7 +106,7 @@ def test_a_part_of_a_body_is_a_person_of_these_joints() -> None:
 @ROADS
 def test_a_person_travels_as_poses_in_a_given_order(sent) -> None:
     order = ("right_hand", "", "pelvis", "right_shoulder", "left_shoulder", "right_elbow")
-    source = source_named("pose_array", order, "optical")
+    source = SOURCES["pose_array"].with_joints(order, "optical")
     shown = person(0)
     (read,) = people_from_msg(sent(person_to_pose_array(shown, source)), source, NOW_NS)
     assert read.joint_names == tuple(name for name in order if name)
@@ -116,7 +116,7 @@ def test_a_person_travels_as_poses_in_a_given_order(sent) -> None:
 
 
 def test_a_short_pose_array_holds_the_joints_that_it_has() -> None:
-    source = source_named("pose_array", ("right_shoulder", "right_elbow", "right_hand"))
+    source = SOURCES["pose_array"].with_joints(("right_shoulder", "right_elbow", "right_hand"))
     message = person_to_pose_array(person(), source)
     message.poses = message.poses[:2]
     (read,) = people_from_msg(message, source, NOW_NS)
@@ -125,7 +125,7 @@ def test_a_short_pose_array_holds_the_joints_that_it_has() -> None:
 
 def test_both_kinds_of_message_show_the_same_arm() -> None:
     order = ("right_shoulder", "right_elbow", "right_hand", "left_shoulder", "pelvis")
-    poses = source_named("pose_array", order, "optical")
+    poses = SOURCES["pose_array"].with_joints(order, "optical")
     settings = PerceptionSettings(
         joint_names=("shoulder", "elbow", "hand"),
         bone_lengths_m=(0.18, 0.234),
@@ -147,7 +147,7 @@ def test_every_source_has_an_adapter_for_its_message() -> None:
 
 
 def test_every_joint_can_travel_as_a_pose() -> None:
-    source = source_named("pose_array", JOINTS)
+    source = SOURCES["pose_array"].with_joints(JOINTS)
     positions = np.random.default_rng(1).normal(size=(len(JOINTS), 3))
     shown = replace(person(0), joint_names=JOINTS, positions_m=positions, confidence=np.ones(len(JOINTS)))
     (read,) = people_from_msg(out_of_a_bag(person_to_pose_array(shown, source)), source, NOW_NS)

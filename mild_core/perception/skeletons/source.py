@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Literal, cast
+from typing import Literal
 
 from mild_core.errors import SetupError, unknown_name
 
@@ -48,15 +48,12 @@ class SkeletonSource:
     ids_per_person: int = 0
     confidence_of_colour: tuple[tuple[tuple[float, float, float], float], ...] = ()
 
-    def with_axes(self, axes: str) -> SkeletonSource:
-        """This source with its positions in other axes, one of `AXES`: some drivers can be told to turn them."""
-        return replace(self, axes=cast(Axes, axes))
-
-    def with_joints(self, joint_names: tuple[str, ...]) -> SkeletonSource:
+    def with_joints(self, joint_names: tuple[str, ...], axes: Axes = "unknown") -> SkeletonSource:
         """This source with its joints in the order given, for messages that do not number them.
 
         Args:
             joint_names: A name of `JOINTS` for each place of the message; "" for a place to pass over.
+            axes: Where the positions' axes point; some drivers can be told to turn them.
 
         Raises:
             SetupError: A name is unknown or comes twice, or none is given.
@@ -67,4 +64,4 @@ class SkeletonSource:
                 raise unknown_name("joint_names", name, JOINTS)
         if not named or len(set(named)) != len(named):
             raise SetupError("joint_names", f"{list(joint_names)} has no joints or one twice", "name each joint once")
-        return replace(self, joint_ids={place: name for place, name in enumerate(joint_names) if name})
+        return replace(self, joint_ids={place: name for place, name in enumerate(joint_names) if name}, axes=axes)
