@@ -22,7 +22,7 @@ def share_folder(kind: str) -> Path:
         from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 
         places.insert(0, Path(get_package_share_directory("mild_ros")))
-    except (ImportError, PackageNotFoundError, LookupError, ValueError):
+    except (ImportError, PackageNotFoundError, LookupError, ValueError, OSError):
         pass  # bags are read and models evaluated where ROS is not installed
     for place in places:
         if (place / kind).is_dir():

@@ -10,12 +10,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mild_core.errors import DatasetError
+from mild_core.inference.manifest import HumanPlacement
 from mild_core.learning.baseline import by_interaction
 from mild_core.learning.demonstration import Demonstration
 from mild_core.retargeting.kinematics import forward_kinematics
@@ -53,16 +53,19 @@ class Contact:
     distance_m: Mapping[str, float]
     shared_distance_m: Mapping[str, float]
 
-    def manifest_entry(self) -> dict[str, Any]:
-        """`robot_from_human` of a model's manifest; to 0.1 mm."""
-        places = {name: [round(float(value), 4) for value in place] for name, place in self.by_interaction.items()}
-        return {
-            "translation_m": [round(float(value), 4) for value in self.translation_m],
-            "yaw_rad": round(self.yaw_rad, 6),
-            "by_interaction": places,
-            "arm_lengths_m": list(self.arm_lengths_m),
-            "contact_distance_m": {name: round(value, 4) for name, value in self.distance_m.items()},
-        }
+    def placement(self) -> HumanPlacement:
+        """The same for a model's manifest, to 0.1 mm."""
+        return HumanPlacement(
+            translation_m=_rounded(self.translation_m),
+            yaw_rad=round(self.yaw_rad, 6),
+            by_interaction={name: _rounded(place) for name, place in self.by_interaction.items()},
+            arm_lengths_m=self.arm_lengths_m,
+        )
+
+
+def _rounded(place: FloatArray) -> tuple[float, float, float]:
+    x, y, z = (round(float(value), 4) for value in place)
+    return x, y, z
 
 
 def hand_of(observed_m: FloatArray, arm_lengths_m: tuple[float, float] | None) -> FloatArray:

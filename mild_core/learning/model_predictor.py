@@ -14,6 +14,7 @@ from mild_core.inference.stage import Inference
 from mild_core.learning.demonstration import Demonstration
 from mild_core.learning.windows import Protocol, cut, feature_windows
 from mild_core.shapes import FloatArray
+from mild_core.signals import MotionWindow
 
 AUTO = "auto"
 """The interaction is recognised, not given."""
@@ -60,7 +61,8 @@ class ModelPredictor:
             ModelError: Inference left a window of a recorded trial without an answer.
         """
         stage = Inference(self.model, interaction)
-        state, motions = stage.init(), []
+        state = stage.init()
+        motions: list[MotionWindow] = []
         for window in feature_windows(demonstration, self.protocol):
             state, answer = stage.step(state, window, window.stamp_ns)
             motions += answer

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -105,8 +105,8 @@ def _evaluate_model(
     trials = recording.read(path).split(split)
     require_fit(model.manifest, protocol, trials)
     errors, right = _measure(model, protocol, trials, labels)
-    head = {"model": model.manifest.name, "dataset": recording.name, "protocol": protocol.name, "split": split}
-    head |= {"labels": labels, "recognised_share": right, "note": _note(split, path, len(trials))}
+    head: dict[str, Any] = {"model": model.manifest.name, "dataset": recording.name, "protocol": protocol.name}
+    head |= {"split": split, "labels": labels, "recognised_share": right, "note": _note(split, path, len(trials))}
     summary = summarise(errors, recording.interactions)
     (print_json if json else print_model)(head, summary)
 

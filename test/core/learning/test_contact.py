@@ -36,7 +36,10 @@ def test_from_the_fitted_place_the_hand_is_at_the_tool():
         meant = (turned + contact.by_interaction[trial.interaction])[when].mean(axis=0)
         np.testing.assert_allclose(meant, tool[when].mean(axis=0), atol=1e-12)
     np.testing.assert_allclose(contact.translation_m, np.mean(list(contact.by_interaction.values()), axis=0))
-    assert set(contact.manifest_entry()["by_interaction"]) == {"shake", "bump"}
+    placement = contact.placement()
+    assert set(placement.by_interaction) == {"shake", "bump"}
+    np.testing.assert_allclose(placement.translation_m, contact.translation_m, atol=5e-5)
+    assert placement.arm_lengths_m == (0.3, 0.3)
 
 
 def test_other_bones_keep_directions_and_the_way_of_the_shoulder():

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The model card: what a model learned from, how good it is, and what it is not for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from mild_core.inference.manifest import Manifest
+from mild_core.learning.recording import Recording
+from mild_core.learning.windows import protocol_named
+
+LIMITS = """\
+- Learned from 24 to 32 trials of a few people with one robot; a person of other habits is a person it has not met.
+- It knows the interactions above and no other. What the person does besides them is scored as unknown
+  (`out_of_distribution` above 1), but a movement that looks like a known one is taken for it.
+- It copies timing and reach from demonstrations. It does not plan contact: nothing makes hands meet, and nothing here
+  keeps the robot from touching a person. Position, velocity, acceleration and jerk limits are kept by retargeting.
+- Angles are scored and given in one branch: the fifth joint of hand waving is unwrapped by a turn (same pose).
+- Not for a robot near people without the protections that its operator is bound to by law and by the robot's maker.
+"""
+
+
+def model_card(manifest: Manifest, recording: Recording, retrain: str) -> str:
+    """The text of `REPORT.md`.
+
+    Args:
+        manifest: Of the finished model; its `errors` may hold a cross-validation as `cross_validation_entry` makes it.
+        recording: That it learned from.
+        retrain: The command that makes it again.
+    """
+    protocol = protocol_named(manifest.protocol)
+    training = manifest.training
+    parts = [
+        f"# Model card: {manifest.name}\n",
+        f"{_sentence(protocol.meaning)} Windows of {manifest.window} frames at {manifest.rate_hz:g} Hz; protocol "
+        f"`{manifest.protocol}`; {len(manifest.members)} networks whose answers are averaged.\n",
+        "## Intended use\n",
+        f"Moving the {len(manifest.controlled.joint_names)} joints of one arm of `{manifest.controlled.robot}` in "
+        f"answer to a person's {manifest.observed.side} arm ({', '.join(manifest.observed.joint_names)}), in research "
+        f"and teaching, through this package's retargeting. Interactions: {', '.join(manifest.interactions)}.\n",
+        "## Data\n",
+        f"{recording.title}: {recording.source}.\n",
+        f"Licence: {recording.licence}. The recordings are not part of this package, and this folder stores none of "
+        "their windows: networks, Gaussians and a synthetic sample only.\n",
+        f"Trials: {training.get('trials', 'unknown')}, the publishers' {training.get('split', 'training')} split only. "
+        f"Seeds: {_listed(training.get('seeds', ()))}. Source revision: {training.get('git_revision', 'unknown')}.\n",
+        "## Errors\n",
+        errors_text(manifest.errors),
+        "## Limits\n",
+        LIMITS,
+        "## To train it again\n",
+        f"```\n{retrain}\n```\n",
+        "Equal seeds, machines and libraries give equal weights; other kernels differ in the last digits.\n",
+    ]
+    return "\n".join(parts)
+
+
+def cross_validation_entry(table: Mapping[str, Any], method: str) -> dict[str, Any]:
+    """`errors` of a manifest from a table that `mild evaluate --cv` wrote.
+
+    Args:
+        table: The content of `cross_validation_<protocol>.json`.
+        method: Name of the method that the model is.
+
+    Raises:
+        ValueError: The table has no such method.
+    """
+    keys = ("title", "labels", "macro_mean", "macro_std", "rmse_deg", "windows", "relative", "interactions")
+    rows = [{key: row[key] for key in keys} for row in table["methods"] if row["method"] == method]
+    if not rows:
+        raise ValueError(f"the table has no method '{method}'")
+    others = [
+        {key: row[key] for key in ("method", "title", "labels", "macro_mean", "macro_std")}
+        for row in table["methods"]
+        if row["method"] != method
+    ]
+    about = {key: table[key] for key in ("protocol", "dataset", "folds", "seeds", "date")}
+    return {"cross_validation": {**about, "rows": rows, "others": others}}
+
+
+def errors_text(errors: Mapping[str, Any]) -> str:
+    """The section on errors."""
+    found = errors.get("cross_validation")
+    if not found:
+        return "Not measured. `mild evaluate --cv` measures the method on trials that it has not seen.\n"
+    lines = [
+        f"Measured on {found['date']} by {found['folds']}-fold cross-validation over the training trials (a fold is "
+        f"the index within the interaction modulo {found['folds']}), {found['seeds']} seeds, protocol "
+        f"`{found['protocol']}`; mean ± standard deviation over seeds. The model in this folder learned from all "
+        "training trials, so its own error on them says nothing.\n",
+        "| method | labels | macro [rad²] |",
+        "| --- | --- | ---: |",
+    ]
+    ranked = sorted([*found["rows"], *found["others"]], key=lambda row: float(row["macro_mean"]))
+    lines += [f"| {row['title']} | {row['labels']} | {_spread(row)} |" for row in ranked]
+    for row in found["rows"]:
+        lines += ["", f"{row['title']}, labels {row['labels']}, mean ± standard deviation over windows:", ""]
+        lines += ["| interaction | error [rad²] | windows |", "| --- | ---: | ---: |"]
+        for name, one in row["interactions"].items():
+            lines.append(f"| {name} | {one['mse']:.4f} ± {one['mse_std']:.4f} | {one['windows']} |")
+        lines += ["", f"Pooled RMSE {row['rmse_deg']:.1f}° over {row['windows']} windows."]
+        lines += [f"{_against(name, relative)}" for name, relative in row["relative"].items()]
+    return "\n".join(lines) + "\n"
+
+
+def _against(name: str, relative: Mapping[str, Any]) -> str:
+    low, high = relative["interval"]
+    return f"Against {name}: {relative['change']:+.0%} (95 % of draws of trials: {low:+.0%} to {high:+.0%})."
+
+
+def _spread(row: Mapping[str, Any]) -> str:
+    std = row["macro_std"]
+    return f"{row['macro_mean']:.4f}" + ("" if std is None or math.isnan(std) else f" ± {std:.4f}")
+
+
+def _listed(values: object) -> str:
+    return ", ".join(str(value) for value in values) if isinstance(values, Sequence) else str(values)
+
+
+def _sentence(text: str) -> str:
+    return text[:1].upper() + text[1:] + "."

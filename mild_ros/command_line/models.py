@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`mild models`: what can be run here."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.markdown import Markdown
+from rich.table import Table
+
+from mild_core.inference.model import REPORT, Manifest, read_manifest
+from mild_ros.share import model_folder, model_names, share_folder
+
+UNMEASURED = "not measured"
+
+
+def models(
+    name: Annotated[str, typer.Argument(help="A model's name or folder: its card is shown.")] = "",
+    as_json: Annotated[bool, typer.Option("--json", help="Everything in the manifests, as one JSON object.")] = False,
+) -> None:
+    """The models here: what they learned from, how good they are.
+
+    All of them in a table, the errors by cross-validation on trials that the method had not seen:
+
+        mild models
+
+    One of them, with its data, licence, errors and limits (its model card):
+
+        mild models yumi_buetepage_ahead
+    """
+    names = [name] if name else model_names()
+    manifests = {one: read_manifest(model_folder(one)) for one in names}
+    if as_json:
+        print(json.dumps({one: json.loads(manifest.to_json()) for one, manifest in manifests.items()}, indent=1))
+    elif name:
+        report = model_folder(name) / REPORT
+        text = report.read_text(encoding="utf-8") if report.is_file() else f"{report} is missing: no card to show."
+        Console().print(Markdown(text))
+    else:
+        _print(manifests, share_folder("models"))
+
+
+def _print(manifests: dict[str, Manifest], folder: Path) -> None:
+    console = Console()
+    table = Table("model", "predicts", "moves", "error [rad²]", "recognised", title=str(folder))
+    for name, manifest in manifests.items():
+        ahead = (manifest.lead_frames + manifest.window - 1) / manifest.rate_hz
+        table.add_row(
+            name,
+            f"{manifest.protocol}: to {ahead:.1f} s ahead" if ahead > 0 else f"{manifest.protocol}: the present",
+            f"{manifest.controlled.robot}, {len(manifest.controlled.joint_names)} joints",
+            measured(manifest, "given"),
+            measured(manifest, "recognised"),
+        )
+    console.print(table)
+    interactions = sorted({one for manifest in manifests.values() for one in manifest.interactions})
+    console.print(f"interactions: {', '.join(interactions)}", highlight=False)
+    console.print("errors by cross-validation, told the interaction or recognising it; `mild models NAME` tells more")
+
+
+def measured(manifest: Manifest, labels: str) -> str:
+    """The macro error by cross-validation, for people."""
+    rows: list[dict[str, Any]] = manifest.errors.get("cross_validation", {}).get("rows", [])
+    for row in rows:
+        if row["labels"] == labels:
+            spread = "" if row["macro_std"] is None else f" ± {row['macro_std']:.4f}"
+            return f"{row['macro_mean']:.4f}{spread}"
+    return UNMEASURED
