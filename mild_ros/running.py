@@ -12,8 +12,8 @@ import gc
 import re
 import signal
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from types import FrameType
 from typing import Any
 
@@ -48,19 +48,22 @@ def run(name: str, make_node: Callable[[], Node], parameters: type[Any]) -> int:
         print(f"ros2 run mild_ros {name} [--ros-args -p NAME:=VALUE ... -r TOPIC:=TOPIC ...]\n\nParameters:")
         print(help_text(parameters))
         return 0
-    with _signals_interrupt() as settle:
+    with _Interruption() as interruption:
         try:
             _start_ros()
             node = make_node()
-            settle()
+            interruption.end_of_loading()
             _spin(node)
         except SetupError as error:
             print(f"mild_ros {name}: {error}", file=sys.stderr)
             return SETUP_ERROR
         except (KeyboardInterrupt, ExternalShutdownException):
             pass
+        except Exception:
+            if not interruption.wanted:  # otherwise compiled code has made something else of the interruption
+                raise
         finally:
-            settle()
+            interruption.loading = False
             rclpy.try_shutdown()
     return 0
 
@@ -103,26 +106,45 @@ def _spin(node: Node) -> None:
         gc.unfreeze()  # compiled libraries complain of what is still there when they are unloaded
 
 
-@contextmanager
-def _signals_interrupt() -> Iterator[Callable[[], None]]:
-    """Let SIGINT and SIGTERM raise KeyboardInterrupt until the yielded function is called; then rclpy's own way holds.
+class _Interruption:
+    """Lets SIGINT and SIGTERM end a node that is still loading; afterwards rclpy's own way holds.
 
-    rclpy's handler only marks the context as shut down, which nobody looks at during a long load, and calls the one
-    that was there before.
+    rclpy's handler only marks the context as shut down, which nobody looks at during a long load, and calls the
+    handler that was there before: this one. It raises KeyboardInterrupt, and again and again, because callbacks of
+    compiled libraries swallow exceptions.
+
+    Attributes:
+        loading: Whether the node is.
+        wanted: Whether a signal has come meanwhile.
     """
-    loading = True
 
-    def settle() -> None:
-        nonlocal loading
-        loading = False
+    _AGAIN_S = 0.1
 
-    def interrupt(_signal: int, _frame: FrameType | None) -> None:
-        if loading:
+    def __init__(self) -> None:
+        self.loading = True
+        self.wanted = False
+        self._before: dict[int, Any] = {}
+
+    def __enter__(self) -> _Interruption:
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
+            self._before[number] = signal.signal(number, self._interrupt)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def end_of_loading(self) -> None:
+        """The node is ready; raises KeyboardInterrupt if it is no longer wanted."""
+        self.loading = False
+        if self.wanted:
             raise KeyboardInterrupt
 
-    before = {number: signal.signal(number, interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield settle
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+    def _interrupt(self, _number: int, _frame: FrameType | None) -> None:
+        if not self.loading:
+            return
+        self.wanted = True
+        sys.unraisablehook = lambda _: None  # what a library swallows is no news
+        signal.setitimer(signal.ITIMER_REAL, self._AGAIN_S)
+        raise KeyboardInterrupt
