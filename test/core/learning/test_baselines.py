@@ -19,7 +19,7 @@ PLAIN = ("action_mean", "time_indexed_mean", "ridge", "kernel_ridge")
 
 @pytest.fixture(autouse=True)
 def small_gru(monkeypatch):
-    monkeypatch.setattr("mild_core.learning.baselines.gru.EPOCHS", 40)
+    monkeypatch.setattr("mild_core.learning.recurrent.EPOCHS", 40)
 
 
 def macro(name, protocol="next", trials=TRIALS, seed=0):
