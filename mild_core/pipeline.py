@@ -57,7 +57,8 @@ class Pipeline:
             retargeting, commands = self.retargeting.step(state.retargeting, given, now_ns)
             return replace(state, retargeting=retargeting), PipelineOutput(commands=commands)
         perception, windows = self.perception.step(state.perception, given, now_ns)
-        inference, motions = state.inference, ()
+        inference = state.inference
+        motions: tuple[MotionWindow, ...] = ()
         for window in windows:
             inference, new_motions = self.inference.step(inference, window, now_ns)
             motions += new_motions
