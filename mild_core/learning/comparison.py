@@ -103,6 +103,7 @@ def _averaged(seeds: Sequence[Sequence[TrialErrors]]) -> list[TrialErrors]:
             parts[0].interaction,
             np.mean([part.squared for part in parts], axis=0),
             np.mean([part.absolute for part in parts], axis=0),
+            np.mean([part.covariance for part in parts], axis=0),
         )
         for trial, parts in sorted(by_trial.items())
     ]

@@ -26,12 +26,14 @@ class TrialErrors:
         squared: (N,) squared error averaged over joints and window [rad^2]; of two people, the squared distance
             averaged over joints and window [m^2].
         absolute: (N,) absolute error averaged alike [rad]; of two people, the distance [m].
+        covariance: (J, J) mean of error times error over frames and windows [rad^2]; of two people (3 J, 3 J) [m^2].
     """
 
     trial: int
     interaction: str
     squared: FloatArray
     absolute: FloatArray
+    covariance: FloatArray
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,7 @@ class InteractionErrors:
     trials: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Errors:
     """What is reported of a method on some trials.
 
@@ -56,6 +58,7 @@ class Errors:
         mean_absolute: Absolute error averaged over all windows [rad or m].
         windows: N over all.
         trials: Number of trials.
+        covariance: (J, J) mean of error times error over all windows; None of none.
     """
 
     interactions: dict[str, InteractionErrors]
@@ -65,6 +68,7 @@ class Errors:
     mean_absolute: float | None
     windows: int
     trials: int
+    covariance: FloatArray | None
 
     @property
     def pooled_rmse_deg(self) -> float | None:
@@ -89,11 +93,16 @@ def errors_of_trial(demonstration: Demonstration, protocol: Protocol, predicted:
     require_shape("predicted", predicted, true.shape)
     if not np.isfinite(predicted).all():
         raise ValueError(f"the prediction for trial {demonstration.trial} is not finite")
-    squared = (predicted - true) ** 2
-    if squared.ndim == 4:
-        squared = squared.sum(axis=3)
-    absolute = np.sqrt(squared)
-    return TrialErrors(demonstration.trial, demonstration.interaction, squared.mean((1, 2)), absolute.mean((1, 2)))
+    error = predicted - true
+    squared = error**2 if error.ndim == 3 else (error**2).sum(axis=3)
+    rows = error.reshape(true.shape[0] * true.shape[1], -1)
+    return TrialErrors(
+        trial=demonstration.trial,
+        interaction=demonstration.interaction,
+        squared=squared.mean((1, 2)),
+        absolute=np.sqrt(squared).mean((1, 2)),
+        covariance=rows.T @ rows / max(len(rows), 1),
+    )
 
 
 def summarise(trials: Sequence[TrialErrors], interactions: Sequence[str], seed: int = 0) -> Errors:
@@ -108,7 +117,7 @@ def summarise(trials: Sequence[TrialErrors], interactions: Sequence[str], seed: 
     by_interaction = {name: [t.squared for t in trials if t.interaction == name] for name in interactions}
     rows = {name: _row(parts) for name, parts in by_interaction.items()}
     if not trials:
-        return Errors(rows, None, None, None, None, 0, 0)
+        return Errors(rows, None, None, None, None, 0, 0, None)
     squared = np.concatenate([trial.squared for trial in trials])
     absolute = np.concatenate([trial.absolute for trial in trials])
     groups = [parts for parts in by_interaction.values() if parts]
@@ -120,6 +129,7 @@ def summarise(trials: Sequence[TrialErrors], interactions: Sequence[str], seed: 
         mean_absolute=float(absolute.mean()),
         windows=len(squared),
         trials=len(trials),
+        covariance=np.average([t.covariance for t in trials], axis=0, weights=[len(t.squared) for t in trials]),
     )
 
 

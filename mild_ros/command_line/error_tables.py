@@ -76,6 +76,7 @@ def rows_as_data(rows: Sequence[Row]) -> list[dict[str, Any]]:
                 for name, relative in row.relative.items()
             },
             "seconds": row.seconds,
+            "residual_covariance": None if row.errors.covariance is None else row.errors.covariance.tolist(),
             **errors_as_data(row.errors),
         }
         for row in rows

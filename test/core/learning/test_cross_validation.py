@@ -58,7 +58,10 @@ def test_a_broken_recording_is_reported_from_the_workers_in_one_line(tmp_path):
 
 
 def result(method, seed, by_trial, labels="given"):
-    errors = tuple(TrialErrors(trial, name, np.full(10, value), np.full(10, value)) for trial, name, value in by_trial)
+    flat = np.ones(10)
+    errors = tuple(
+        TrialErrors(trial, name, value * flat, value * flat, value * np.eye(2)) for trial, name, value in by_trial
+    )
     return Result(Job("buetepage_hr", Path("a"), "same", method, 0, seed), {labels: errors}, 1.0)
 
 

@@ -15,7 +15,7 @@ SAME = PROTOCOLS["same"]
 
 def trial_errors(trial, interaction, squared):
     squared = np.asarray(squared, dtype=float)
-    return TrialErrors(trial, interaction, squared, np.sqrt(squared))
+    return TrialErrors(trial, interaction, squared, np.sqrt(squared), squared.mean() * np.eye(2))
 
 
 def test_the_error_of_a_window_is_averaged_over_joints_and_frames():
@@ -24,6 +24,7 @@ def test_the_error_of_a_window_is_averaged_over_joints_and_frames():
     errors = errors_of_trial(trial, SAME, true + np.array([0.1, -0.2, 0.0]))
     np.testing.assert_allclose(errors.squared, (0.01 + 0.04) / 3, rtol=1e-9)
     np.testing.assert_allclose(errors.absolute, 0.3 / 3, rtol=1e-9)
+    np.testing.assert_allclose(errors.covariance, np.outer([0.1, -0.2, 0], [0.1, -0.2, 0]), atol=1e-12)
     assert len(errors.squared) == 90 - 40 + 1
 
 
@@ -57,6 +58,7 @@ def test_macro_is_over_interactions_and_pooled_is_over_windows():
     assert errors.pooled_rmse_deg == pytest.approx(math.degrees(math.sqrt(14 / 4)))
     assert errors.mean_absolute == pytest.approx(sum(math.sqrt(v) for v in (1, 3, 2, 8)) / 4)
     assert (errors.windows, errors.trials) == (4, 3)
+    np.testing.assert_allclose(errors.covariance, 14 / 4 * np.eye(2))
 
 
 def test_no_trials_are_no_errors_rather_than_zero():
