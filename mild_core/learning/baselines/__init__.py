@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plain methods that every table of errors holds beside ours, one file each."""
+"""Methods that every table of errors holds beside ours, one file each."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from mild_core.learning.baseline import Baseline
 from mild_core.learning.baselines.action_mean import ACTION_MEAN
 from mild_core.learning.baselines.gru import GRU
 from mild_core.learning.baselines.kernel_ridge import KERNEL_RIDGE
+from mild_core.learning.baselines.mild_paper import MILD_PAPER
 from mild_core.learning.baselines.ridge import RIDGE
 from mild_core.learning.baselines.time_indexed_mean import TIME_INDEXED_MEAN
 
 BASELINES: dict[str, Baseline] = {
-    baseline.name: baseline for baseline in (ACTION_MEAN, TIME_INDEXED_MEAN, RIDGE, KERNEL_RIDGE, GRU)
+    baseline.name: baseline for baseline in (MILD_PAPER, GRU, KERNEL_RIDGE, RIDGE, TIME_INDEXED_MEAN, ACTION_MEAN)
 }
