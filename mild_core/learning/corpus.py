@@ -140,8 +140,10 @@ def cut_tracks(corpus: Corpus, tracks: Tracks, first: int, stride: int, phase: i
         phase: First frame that thinning keeps, less than the protocol's `keep_every`.
     """
     protocol = corpus.protocol
-    kept = slice(phase, None, protocol.keep_every)
-    observed, controlled, alive = tracks.observed[:, kept], tracks.controlled[:, kept], tracks.alive[:, kept]
+    # As `windows.thin`: a frame is kept when the frames up to the next kept one were recorded as well.
+    alive = tracks.alive[:, phase + protocol.keep_every - 1 :: protocol.keep_every]
+    kept = slice(phase, phase + alive.shape[1] * protocol.keep_every, protocol.keep_every)
+    observed, controlled = tracks.observed[:, kept], tracks.controlled[:, kept]
     if protocol.features == "positions_velocities":
         velocities = torch.diff(observed, dim=1, prepend=observed[:, :1]) * corpus.rate_hz
         observed = torch.cat([observed, velocities], dim=-1)

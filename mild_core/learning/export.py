@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From what torch has learned to what the run time reads: layers as data, arrays by name, one manifest."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mild_core.inference.manifest import (
+    ControlledAgent,
+    HumanPlacement,
+    Manifest,
+    NetworkSpec,
+    ObservedAgent,
+    PriorSpec,
+)
+from mild_core.inference.networks import LayerSpec
+from mild_core.learning.coordinates import Coordinates
+from mild_core.learning.corpus import corpus_of
+from mild_core.learning.demonstration import Demonstration
+from mild_core.learning.novelty import Territory, bone_lengths_m, latent_radius, territory_of
+from mild_core.learning.trained import TrainedMember, TrainedModel
+from mild_core.learning.vae import Chain
+from mild_core.shapes import FloatArray
+
+Arrays = dict[str, NDArray[Any]]
+
+ORIGIN = HumanPlacement((1.0, 0.0, 0.7), np.pi)
+"""Where a person would stand if nobody says: an arm's length before the robot, facing it."""
+
+
+@dataclass(frozen=True)
+class ModelFacts:
+    """What a manifest says and training does not know.
+
+    Attributes:
+        name: Of the model.
+        robot: Name in `retargeting.robots.ROBOTS`, or "human" for a partner's arm.
+        side: Arm of the person.
+        placement: Where the person stands.
+        training: For people: data set, licence, split, trials, seeds, revision.
+        errors: Measured ones, for people.
+    """
+
+    name: str
+    robot: str = "yumi"
+    side: str = "right"
+    placement: HumanPlacement = ORIGIN
+    training: Mapping[str, Any] = field(default_factory=dict)
+    errors: Mapping[str, Any] = field(default_factory=dict)
+
+
+def export(
+    trained: TrainedModel,
+    demonstrations: Sequence[Demonstration],
+    residual_covariance: FloatArray,
+    facts: ModelFacts,
+) -> tuple[Manifest, Arrays]:
+    """Put a trained model into the form that `inference.model.save_model` and `build_model` take.
+
+    Args:
+        trained: The model.
+        demonstrations: It was trained on; only radii and bone lengths are measured on them, nothing of them is kept.
+        residual_covariance: (J, J) of the error by cross-validation [rad^2].
+        facts: All else.
+    """
+    corpus = corpus_of(demonstrations, trained.protocol, trained.interactions)
+    territory = territory_of(corpus, trained.seed)
+    members, arrays = [], {"residual_covariance": np.asarray(residual_covariance, dtype=np.float64)}
+    for index, member in enumerate(trained.members):
+        specs, found = _member(member, territory)
+        members.append(specs)
+        found["latent_radius"] = latent_radius(member, corpus, trained.settings.stride, trained.seed)
+        for name, prior in zip(trained.interactions, member.prior.priors, strict=True):
+            found |= {f"prior.{name}.{key}": np.asarray(value) for key, value in prior.to_arrays().items()}
+        arrays |= {f"member_{index}.{name}": array for name, array in found.items()}
+    longest = max(p.chain.longest for member in trained.members for p in member.prior.priors)
+    return _manifest(trained, demonstrations, facts, tuple(members), longest), arrays
+
+
+def _manifest(
+    trained: TrainedModel,
+    demonstrations: Sequence[Demonstration],
+    facts: ModelFacts,
+    members: tuple[Mapping[str, NetworkSpec], ...],
+    longest: int,
+) -> Manifest:
+    protocol, settings, first = trained.protocol, trained.settings, demonstrations[0]
+    lengths = bone_lengths_m([d.observed_m for d in demonstrations])
+    robot = facts.robot != "human"
+    return Manifest(
+        name=facts.name,
+        protocol=protocol.name,
+        observed=ObservedAgent("human_arm", first.observed_names, "m", lengths, facts.side),
+        controlled=ControlledAgent(
+            "robot_joints" if robot else "human_arm", facts.robot, first.controlled_names, "rad" if robot else "m"
+        ),
+        rate_hz=first.rate_hz / protocol.keep_every,
+        window=protocol.window,
+        lead_frames=protocol.lead_frames,
+        features=protocol.features,
+        latent_size=settings.architecture.latent,
+        stride=settings.stride,
+        interactions=trained.interactions,
+        prior=PriorSpec(settings.prior.kind, settings.prior.components, longest, settings.prior.restart),
+        members=members,
+        robot_from_human=facts.placement,
+        training=facts.training,
+        errors=facts.errors,
+    )
+
+
+def _member(member: TrainedMember, territory: Territory) -> tuple[dict[str, NetworkSpec], Arrays]:
+    """Networks of one member, and their arrays without the member's prefix."""
+    networks, architecture = member.networks, member.networks.architecture
+    sizes = {"window": len(member.question.mean), "label": len(member.prior.priors), "context": architecture.memory}
+    specs: dict[str, NetworkSpec] = {}
+    arrays: Arrays = {}
+    for name in ("context", "encoder", "residual", "decoder"):
+        chain: Chain | None = getattr(networks, name)
+        if chain is None:
+            continue
+        inputs: tuple[str, ...] = getattr(architecture, name)
+        layers, found = list(chain.specs), Arrays(chain.arrays())
+        if "window" in inputs and member.question.directions is not None:
+            front, found["coordinates.weight"], found["coordinates.bias"] = _front(member.question, inputs, sizes)
+            layers.insert(0, front)
+        if name == "decoder" and member.answer.directions is not None:
+            back, found["window.weight"], found["window.bias"] = _back(member.answer)
+            layers.append(back)
+        specs[name] = NetworkSpec(inputs, tuple(layers))
+        arrays |= {f"{name}.{key}": array for key, array in found.items()}
+    width, features = territory.weight.shape
+    specs["distance"] = NetworkSpec(("window",), (LayerSpec("dense", "coordinates", width, features),))
+    arrays |= {
+        "distance.coordinates.weight": territory.weight,
+        "distance.coordinates.bias": territory.bias,
+        "distance.centres": territory.centres,
+        "distance.radii": territory.radii,
+    }
+    return specs, arrays
+
+
+def _front(
+    question: Coordinates, inputs: Sequence[str], sizes: Mapping[str, int]
+) -> tuple[LayerSpec, FloatArray, FloatArray]:
+    """A layer that turns the window among a network's inputs into coordinates and passes all else."""
+    assert question.directions is not None
+    weights, biases = [], []
+    for name in inputs:
+        if name == "window":
+            weights.append((question.directions / question.scale).double().numpy())
+            biases.append(-question.mean.double().numpy() @ weights[-1])
+        else:
+            weights.append(np.eye(sizes[name]))
+            biases.append(np.zeros(sizes[name]))
+    rows, columns = sum(len(w) for w in weights), sum(w.shape[1] for w in weights)
+    weight, row, column = np.zeros((rows, columns)), 0, 0
+    for block in weights:
+        weight[row : row + len(block), column : column + block.shape[1]] = block
+        row, column = row + len(block), column + block.shape[1]
+    return LayerSpec("dense", "coordinates", rows, columns), weight, np.concatenate(biases)
+
+
+def _back(answer: Coordinates) -> tuple[LayerSpec, FloatArray, FloatArray]:
+    """A layer that turns coordinates into the robot's window."""
+    assert answer.directions is not None
+    weight = (answer.directions * answer.scale).T.double().numpy()
+    return LayerSpec("dense", "window", *weight.shape), weight, answer.mean.double().numpy()
