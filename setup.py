@@ -69,7 +69,10 @@ setup(
         "viser",
         "yourdfpy",
     ],
-    extras_require={"learning": ["torch"], "test": ["hypothesis", "mypy", "pytest", "pytest-timeout", "ruff", "torch"]},
+    extras_require={
+        "learning": ["torch"],
+        "test": ["hypothesis", "mypy", "pytest", "pytest-timeout", "pytest-xdist", "ruff", "torch"],
+    },
     entry_points={
         "console_scripts": [
             *(f"{name} = mild_ros.{name}_node:main" for name in NODES),
