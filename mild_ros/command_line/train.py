@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`mild train`: from demonstrations to a model folder."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from mild_core.errors import SetupError, unknown_name
+
+if TYPE_CHECKING:
+    from collections.abc import Generator
+
+    from mild_core.inference.manifest import HumanPlacement
+    from mild_core.learning.demonstration import Demonstration
+    from mild_core.learning.recording import Recording
+    from mild_core.learning.settings import TrainingSettings
+    from mild_core.learning.trained import TrainedModel
+    from mild_core.learning.training import EpochReport
+
+METHOD_OF_PRESET = {"paper": "mild_paper"}
+"""Row of the cross-validation that a preset is, where it is not "mild"."""
+
+
+def train(
+    out: Annotated[Path, typer.Option(metavar="FOLDER", help="The model folder to write.")],
+    preset: Annotated[str, typer.Option(help="same, ahead, next: as shipped; paper: as in the paper.")] = "ahead",
+    protocol: Annotated[str, typer.Option(help="same, ahead or next [default: the preset's; of paper: same].")] = "",
+    data: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="The recording [default: $MILD_DATA/<dataset's file>].")
+    ] = None,
+    dataset: Annotated[str, typer.Option(help="Which recording that is.")] = "buetepage_hr",
+    seed: Annotated[int, typer.Option(help="Of all draws.")] = 0,
+    epochs: Annotated[int, typer.Option(min=0, help="Another number of epochs; 0: the preset's.")] = 0,
+    members: Annotated[int, typer.Option(min=0, help="Another number of networks; 0: the preset's.")] = 0,
+    errors: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="cross_validation_<protocol>.json of `mild evaluate --cv`, for the card."),
+    ] = None,
+) -> None:
+    """Learns a model from demonstrations.
+
+    The shipped live model again, from all training trials:
+
+        mild train --preset ahead --out models/yumi_buetepage_ahead
+
+    With measured errors and uncertainty in its manifest and card, as it is shipped:
+
+        mild evaluate --cv --protocol ahead
+
+        mild train --preset ahead --out my_model --errors out/cross_validation_ahead.json
+
+    A quick look whether everything works, in a minute:
+
+        mild train --preset same --epochs 20 --members 1 --out out/quick
+
+    The folder then works wherever a model is named: `ros2 run mild_ros pipeline --ros-args -p model:=my_model`. Without
+    --errors the uncertainty is measured on the training trials themselves and so too small; the card says so.
+    """
+    from mild_core.learning.datasets import DATASETS
+    from mild_core.learning.settings import preset_named
+    from mild_core.learning.windows import PROTOCOLS, protocol_named
+
+    if dataset not in DATASETS:
+        raise unknown_name("dataset", dataset, DATASETS)
+    recording, settings = DATASETS[dataset], preset_named(preset)
+    asked = protocol_named(protocol or (preset if preset in PROTOCOLS else "same"))
+    settings = replace(settings, epochs=epochs or settings.epochs, members=members or settings.members)
+    measured = _measured(errors, asked.name, METHOD_OF_PRESET.get(preset, "mild"))
+    path = data or recording.default_path()
+    trials = recording.read(path).train
+    if not trials:
+        raise SetupError(str(path), "its training split is empty", "give a recording with training trials")
+    out.mkdir(parents=True, exist_ok=True)  # a folder that cannot be written is said before an hour of training
+    from mild_core.learning.training import train as train_model
+
+    trained = _with_progress(train_model(trials, asked, settings, seed, recording.interactions), settings)
+    command = f"mild train --preset {preset} --protocol {asked.name} --seed {seed} --epochs {settings.epochs}"
+    command += f" --members {settings.members} --out {out}" + (f" --errors {errors}" if errors else "")
+    _write(out, trained, trials, recording, measured, command)
+
+
+def _measured(path: Path | None, protocol: str, method: str) -> dict[str, Any]:
+    """The rows of a cross-validation; empty without one."""
+    if path is None:
+        return {}
+    try:
+        table: dict[str, Any] = json.loads(path.read_text())
+        found = {row["labels"] for row in table["methods"] if row["method"] == method}
+    except (ValueError, KeyError, TypeError) as error:
+        raise SetupError(str(path), f"is no table of a cross-validation ({error})", "run mild evaluate --cv") from None
+    if table.get("protocol") != protocol or "given" not in found:
+        problem = f"holds protocol '{table.get('protocol')}', methods {sorted({r['method'] for r in table['methods']})}"
+        raise SetupError(str(path), problem, f"run mild evaluate --cv --protocol {protocol} --method {method}")
+    return {"table": table, "method": method}
+
+
+def _with_progress(epochs: Generator[EpochReport, None, TrainedModel], settings: TrainingSettings) -> TrainedModel:
+    """Run the training; a bar tells epoch and losses."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    console = Console(stderr=True)
+    with Progress(*columns, console=console) as progress:
+        task = progress.add_task("training", total=settings.epochs * settings.members)
+        while True:
+            try:
+                report = next(epochs)
+            except StopIteration as end:
+                trained: TrainedModel = end.value
+                return trained
+            losses = f"prediction {report.prediction:.4f} human {report.observed:.4f} robot {report.controlled:.4f}"
+            text = f"network {report.member + 1}/{report.members} epoch {report.epoch + 1}: {losses}"
+            progress.update(task, advance=1, description=f"{text} KL {report.divergence:.2f}")
+
+
+def _write(
+    out: Path,
+    trained: TrainedModel,
+    trials: tuple[Demonstration, ...],
+    recording: Recording,
+    measured: dict[str, Any],
+    command: str,
+) -> None:
+    """The model folder with its card."""
+    import numpy as np
+
+    from mild_core.inference.model import save_model
+    from mild_core.learning.card import cross_validation_entry, model_card
+    from mild_core.learning.evaluation import errors_of_trial, summarise
+    from mild_core.learning.export import ModelFacts, export
+
+    if measured:
+        row = next(
+            r for r in measured["table"]["methods"] if (r["method"], r["labels"]) == (measured["method"], "given")
+        )
+        residual, source = np.array(row["residual_covariance"]), "cross-validation"
+        errors = cross_validation_entry(measured["table"], measured["method"])
+    else:
+        own = [errors_of_trial(trial, trained.protocol, trained.predict(trial)) for trial in trials]
+        covariance = summarise(own, recording.interactions).covariance
+        assert covariance is not None  # there is at least one trial
+        residual, source, errors = covariance, "training trials: too small", {}
+    training = {
+        "dataset": recording.name,
+        "licence": recording.licence,
+        "split": "train",
+        "trials": len(trials),
+        "seeds": [trained.seed],
+        "git_revision": _revision(),
+        "residual_covariance": source,
+    }
+    facts = ModelFacts(out.resolve().name, recording.robot, recording.observed_side, _placement(recording, trials))
+    manifest, arrays = export(trained, trials, residual, replace(facts, training=training, errors=errors))
+    save_model(out, manifest, arrays, model_card(manifest, recording, command))
+    typer.echo(f"written: {out} ({sum(file.stat().st_size for file in out.iterdir()) / 1e6:.1f} MB)")
+
+
+def _placement(recording: Recording, trials: tuple[Demonstration, ...]) -> HumanPlacement:
+    """Where the person stood."""
+    from mild_core.learning.contact import fit_contact
+    from mild_core.retargeting.robots import ROBOTS
+
+    return fit_contact(trials, ROBOTS[recording.robot], recording.touching).placement()
+
+
+def _revision() -> str:
+    """The commit of the checkout that this runs from; "unknown" elsewhere."""
+    command = ["git", "-C", str(Path(__file__).parent), "rev-parse", "--short", "HEAD"]
+    try:
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
