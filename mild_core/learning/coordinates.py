@@ -8,6 +8,9 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+LEAST_DEVIATION = 1e-3
+"""Share of the first component's deviation below which a component is noise that whitening must not blow up."""
+
 
 @dataclass(frozen=True, eq=False)
 class Coordinates:
@@ -66,6 +69,7 @@ def principal_coordinates(windows: Tensor, count: int, whitening: float) -> Coor
     largest = directions.abs().argmax(dim=0)
     directions = directions * torch.sign(directions[largest, torch.arange(directions.shape[1])])
     deviations = values.flip(0)[:count].clamp(min=0.0).sqrt()
+    deviations = deviations.clamp(min=LEAST_DEVIATION * float(deviations[0]))
     scale = deviations**whitening * deviations[0] ** (1.0 - whitening)
     errors = scale**2 / values.sum()
     return Coordinates(mean, directions.float(), scale.float(), errors.float())

@@ -19,7 +19,9 @@ from mild_core.shapes import FloatArray
 FEATURES = 10
 """Principal components of the human's window in which distances are taken."""
 
-CENTRES = 64
+CENTRES, LEAST_WINDOWS = 64, 20
+"""Clusters at most, and windows for one of them at least, on average."""
+
 QUANTILE, MARGIN = 0.995, 1.1
 """Of the windows learned from, this share lies within a radius, before the margin is added."""
 
@@ -58,7 +60,7 @@ def territory_of(corpus: Corpus, seed: int) -> Territory:
         torch.manual_seed(seed)
         bent = cut_tracks(corpus, bend(corpus.tracks, DRAWS), 0, 4)
     windows = coordinates.project(bent.question[bent.valid > 0]).double().numpy()
-    centres = _clusters(windows, min(CENTRES, len(windows)), np.random.default_rng(seed))
+    centres = _clusters(windows, max(1, min(CENTRES, len(windows) // LEAST_WINDOWS)), np.random.default_rng(seed))
     squares = _squares(windows, centres)
     nearest, distances = squares.argmin(axis=1), np.sqrt(squares.min(axis=1))
     own = [distances[nearest == m] for m in range(len(centres))]

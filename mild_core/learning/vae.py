@@ -73,13 +73,14 @@ def drop(values: Tensor, share: float) -> Tensor:
 class Chain(nn.Module):
     """A list of dense and GRU layers over (B, N, inputs).
 
-    In training a share of the values is dropped after each layer but the last, and after a GRU also then.
+    In training a share of the values is dropped after each hidden layer; with a GRU, after the GRU alone.
     """
 
     def __init__(self, layers: Sequence[LayerSpec], dropout: float = 0.0) -> None:
         super().__init__()
         self.specs = tuple(layers)
         self.dropout = dropout
+        self.recurrent = any(layer.kind == "gru" for layer in layers)
         self.stack = nn.ModuleList(
             nn.GRU(layer.inputs, layer.outputs, batch_first=True)
             if layer.kind == "gru"
@@ -93,8 +94,8 @@ class Chain(nn.Module):
             values = layer(values)[0] if spec.kind == "gru" else layer(values)
             if spec.activation == "leaky_relu":
                 values = functional.leaky_relu(values, 0.01)
-            if self.dropout and (spec is not self.specs[-1] or spec.kind == "gru"):
-                values = drop(values, self.dropout) if self.training else values
+            if self.training and (spec.kind == "gru" if self.recurrent else spec is not self.specs[-1]):
+                values = drop(values, self.dropout)
         return values
 
     def arrays(self) -> dict[str, NDArray[np.float32]]:
