@@ -54,8 +54,8 @@ class Commanding:
             self._publisher.publish(joint_command_to_msg(command))
             self._diagnostics.flowed(TOPIC)
 
-    def look(self, state: RetargetingState) -> None:
-        """Look for other publishers, and say what retargeting does; once a second is enough."""
+    def look_for_others(self) -> None:
+        """Stop while there are other publishers; once a second is enough."""
         others = self._node.count_publishers(TOPIC) - 1
         if (others > 0) != self._contested:
             self._contested = others > 0
@@ -63,12 +63,15 @@ class Commanding:
                 self._node.get_logger().error(f"{self._contest(others)}: stopping")
             if self._enabled:
                 self._request(Request("disable" if self._contested else "enable"))
-        alarms = self._diagnostics.alarms
-        alarms.pop("contest", None)
-        alarms.pop("mode", None)
+        self._diagnostics.alarms.pop("contest", None)
         if self._contested:
-            alarms["contest"] = (DiagnosticStatus.ERROR, self._contest(others))
-        elif state.displaced:
+            self._diagnostics.alarms["contest"] = (DiagnosticStatus.ERROR, self._contest(others))
+
+    def tell(self, state: RetargetingState) -> None:
+        """Say what retargeting does and why."""
+        alarms = self._diagnostics.alarms
+        alarms.pop("mode", None)
+        if state.displaced:
             alarms["mode"] = (DiagnosticStatus.WARN, "holding: the robot is not where it was told to be")
         elif state.mode in ATTENTION:
             alarms["mode"] = (DiagnosticStatus.WARN, ATTENTION[state.mode])

@@ -101,7 +101,8 @@ class PipelineNode(Node):
         self._fates.report("retargeting", 0, self._state.retargeting.outcome, now_ns)
 
     def _look(self) -> None:
-        self._commanding.look(self._state.retargeting)
+        self._commanding.look_for_others()
+        self._commanding.tell(self._state.retargeting)
 
 
 def main() -> int:

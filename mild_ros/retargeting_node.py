@@ -90,7 +90,8 @@ class RetargetingNode(Node):
         self._step(request, now_ns, now_ns)
 
     def _look(self) -> None:
-        self._commanding.look(self._state)
+        self._commanding.look_for_others()
+        self._commanding.tell(self._state)
 
 
 def main() -> int:

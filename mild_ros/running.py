@@ -2,8 +2,8 @@
 """How every executable of ours starts, runs and ends.
 
 A wrong set-up is one line and exit code 2. SIGINT and SIGTERM end the node with exit code 0, also while it is still
-loading. `EventsExecutor.spin` of Jazzy calls nothing and ignores SIGTERM; its `spin_once` does both, with half the
-processor time and a third of the tail latency of the `SingleThreadedExecutor`.
+loading. `EventsExecutor.spin` of Jazzy calls nothing; its `spin_once` does, with half the processor time and a third of
+the tail latency of the `SingleThreadedExecutor`.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ import rclpy
 from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from mild_core.errors import SetupError
@@ -28,6 +29,9 @@ from mild_ros.parameters import help_text
 
 _ENDED_BY = "ended_by"
 """Attribute of a node that gave up."""
+
+_NOTICE_S = 0.1
+"""A node that has nothing to do notices a signal within this time."""
 
 SETUP_ERROR = 2
 """Exit code of a wrong set-up, as of a wrong command line."""
@@ -53,14 +57,14 @@ def run(name: str, make_node: Callable[[], Node], parameters: type[Any]) -> int:
             _start_ros()
             node = make_node()
             interruption.end_of_loading()
-            _spin(node)
+            _spin(node, interruption)
         except SetupError as error:
             print(f"mild_ros {name}: {error}", file=sys.stderr)
             return SETUP_ERROR
-        except (KeyboardInterrupt, ExternalShutdownException):
+        except KeyboardInterrupt:
             pass
         except Exception:
-            if not interruption.wanted:  # otherwise compiled code has made something else of the interruption
+            if not interruption.cut_short:  # otherwise compiled code has made something else of the interruption
                 raise
         finally:
             interruption.loading = False
@@ -79,7 +83,7 @@ def give_up(node: Node, error: SetupError) -> None:
 
 def _start_ros() -> None:
     try:
-        rclpy.init()
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         words = remove_ros_args(sys.argv)[1:]
     except Exception as error:  # rclpy has no common root for what it raises on bad arguments
         problem = re.sub(r",? at /\S+", "", str(error).splitlines()[0])
@@ -88,15 +92,15 @@ def _start_ros() -> None:
         raise SetupError(words[0], "is no argument of a node", "write --ros-args -p NAME:=VALUE -r TOPIC:=TOPIC")
 
 
-def _spin(node: Node) -> None:
+def _spin(node: Node, interruption: _Interruption) -> None:
     executor = EventsExecutor()
     executor.add_node(node)
     gc.collect()
     gc.freeze()  # models and messages types stay: collections that walk them would show in the latency
     try:
         with suppress(ExternalShutdownException):
-            while rclpy.ok():
-                executor.spin_once(timeout_sec=1.0)
+            while rclpy.ok() and not interruption.wanted:
+                executor.spin_once(timeout_sec=_NOTICE_S)
         if (error := getattr(node, _ENDED_BY, None)) is not None:
             raise error
     finally:
@@ -107,22 +111,22 @@ def _spin(node: Node) -> None:
 
 
 class _Interruption:
-    """Lets SIGINT and SIGTERM end a node that is still loading; afterwards rclpy's own way holds.
+    """What SIGINT and SIGTERM do. rclpy's own handlers are not used: they end the context in the middle of a callback.
 
-    rclpy's handler only marks the context as shut down, which nobody looks at during a long load, and calls the
-    handler that was there before: this one. It raises KeyboardInterrupt, and again and again, because callbacks of
-    compiled libraries swallow exceptions.
+    While the node loads they raise KeyboardInterrupt, again and again, because callbacks of compiled libraries
+    swallow exceptions. Afterwards they only say that the node is to end, and it does between two callbacks.
 
     Attributes:
         loading: Whether the node is.
-        wanted: Whether a signal has come meanwhile.
+        wanted: Whether a signal has come.
+        cut_short: Whether it came during the load.
     """
 
     _AGAIN_S = 0.1
 
     def __init__(self) -> None:
         self.loading = True
-        self.wanted = False
+        self.wanted = self.cut_short = False
         self._before: dict[int, Any] = {}
 
     def __enter__(self) -> _Interruption:
@@ -142,9 +146,9 @@ class _Interruption:
             raise KeyboardInterrupt
 
     def _interrupt(self, _number: int, _frame: FrameType | None) -> None:
-        if not self.loading:
-            return
         self.wanted = True
-        sys.unraisablehook = lambda _: None  # what a library swallows is no news
-        signal.setitimer(signal.ITIMER_REAL, self._AGAIN_S)
-        raise KeyboardInterrupt
+        if self.loading:
+            self.cut_short = True
+            sys.unraisablehook = lambda _: None  # what a library swallows is no news
+            signal.setitimer(signal.ITIMER_REAL, self._AGAIN_S)
+            raise KeyboardInterrupt

@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 from mild_core.errors import SetupError
-from mild_core.inference.model import Manifest, read_manifest
+from mild_core.inference.manifest import Manifest
+from mild_core.inference.manifest_reading import read_manifest
 from mild_core.perception.settings import PerceptionSettings
 from mild_core.perception.stage import Perception
 from mild_ros.settings import PerceptionParameters
@@ -33,7 +34,7 @@ def make_perception(parameters: PerceptionParameters, manifest: Manifest) -> Per
         bone_lengths_m=observed.bone_lengths_m,
         rate_hz=manifest.rate_hz,
         window=manifest.window,
-        features=manifest.features,
+        features=manifest.features,  # type: ignore[arg-type]
         side=parameters.side,  # type: ignore[arg-type]
         axes=parameters.axes,  # type: ignore[arg-type]
         source_axes=source.axes,

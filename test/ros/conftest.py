@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Nodes and a probe that end with the test, however it ends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from test.ros.processes import NodeProcess, Probe
+
+
+@pytest.fixture
+def start(tmp_path: Path, ros_domain: int) -> Iterator[Callable[..., NodeProcess]]:
+    """Starts nodes: `start(name, *words, **parameters)`; those still alive afterwards must end with code 0."""
+    started: list[NodeProcess] = []
+
+    def begin(name: str, *words: str, **parameters: object) -> NodeProcess:
+        started.append(NodeProcess(name, parameters, tmp_path / f"{name}-{len(started)}.log", words))
+        return started[-1]
+
+    try:
+        yield begin
+        alive = [node for node in started if node.process.poll() is None]
+        for node in alive:
+            assert node.stop() == 0, f"{node.name}:\n{node.output()}"
+    finally:
+        for node in started:
+            if node.process.poll() is None:
+                node.kill()
+
+
+@pytest.fixture
+def probe(ros_domain: int) -> Iterator[Probe]:
+    """The test's own node."""
+    probe = Probe()
+    yield probe
+    probe.close()

@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The retargeting node over real DDS: it commands only what it should, and says why when it does not."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from sensor_msgs.msg import JointState, PointCloud2
+from std_srvs.srv import SetBool, Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+from mild_core.retargeting.robots import ROBOTS
+from mild_core.signals import JointMeasurement, MotionWindow
+from mild_ros.messages.joint_state import joint_measurement_to_msg
+from mild_ros.messages.motion import motion_state_to_msg, motion_to_msg
+from test.ros.processes import NodeProcess, Probe
+
+YUMI = ROBOTS["yumi"]
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+
+
+@dataclass
+class Bench:
+    """The node's surroundings, played by the test."""
+
+    probe: Probe
+    commands: list[Any] = field(default_factory=list)
+    reports: list[Any] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        node = self.probe.node
+        self.states = node.create_publisher(JointState, "joint_states", 100)
+        self.motion = node.create_publisher(JointTrajectory, "motion", 100)
+        self.state = node.create_publisher(PointCloud2, "motion_state", 100)
+        self.commands = self.probe.listen(JointState, "joint_command")
+        self.reports = self.probe.listen(DiagnosticArray, "/diagnostics")
+
+    def connect(self) -> None:
+        """Wait until the node hears us and we hear it."""
+        for publisher in (self.states, self.motion, self.state):
+            self.probe.matched(publisher)
+        self.probe.until(lambda: self.reports, "first diagnostics")
+
+    def measure(self, positions: np.ndarray = YUMI.home_rad) -> None:
+        stamped = JointMeasurement(self.probe.now_ns(), YUMI.joint_names, positions)
+        self.states.publish(joint_measurement_to_msg(stamped))
+
+    def move(self, to: np.ndarray, joint_names: tuple[str, ...] = YUMI.joint_names) -> None:
+        """A motion window that stays at one pose."""
+        motion = MotionWindow(
+            stamp_ns=self.probe.now_ns(),
+            lead_ns=25_000_000,
+            period_ns=25_000_000,
+            joint_names=joint_names,
+            positions=np.tile(to, (40, 1)),
+            covariance=np.eye(len(joint_names)) * 1e-4,
+            interaction="hand_shake",
+            probability=0.9,
+            belief=np.array([0.25, 0.75]),
+            phase=0.5,
+            out_of_distribution=0.1,
+        )
+        self.motion.publish(motion_to_msg(motion))
+        self.state.publish(motion_state_to_msg(motion, ("hand_shake",)))
+
+    def commands_reach(self, pose: np.ndarray) -> bool:
+        """The newest command is at `pose` to a thousandth of a radian: the end of a smooth stop takes its time."""
+        return bool(self.commands) and np.allclose(self.commands[-1].position, pose, rtol=0.0, atol=1e-3)
+
+    def status(self) -> tuple[bytes, str, dict[str, str]]:
+        """Level, message and values of the newest report."""
+        status = self.reports[-1].status[0]
+        return status.level, status.message, {pair.key: pair.value for pair in status.values}
+
+    def until_counted(self, *keys: str) -> None:
+        """Wait until the diagnostics count each of these."""
+        for key in keys:
+            self.probe.until(lambda key=key: key in self.status()[2], f"a count of {key}")
+
+    def until_status(self, level: bytes, text: str) -> dict[str, str]:
+        def found() -> bool:
+            now = self.status()
+            return now[0] == level and text in now[1]
+
+        def seen() -> list[str]:
+            return [report.status[0].message for report in self.reports]
+
+        self.probe.until(found, f"diagnostics with {text!r}", seen=seen)
+        return self.status()[2]
+
+
+@pytest.fixture
+def bench(probe: Probe) -> Bench:
+    return Bench(probe)
+
+
+def follow(bench: Bench, target: np.ndarray, done: Callable[[], Any], what: str) -> None:
+    """Keep sending a motion until something has happened."""
+
+    def sent() -> Any:
+        bench.move(target)
+        bench.measure(np.array(bench.commands[-1].position) if bench.commands else YUMI.home_rad)
+        bench.probe.spin(0.02)
+        return done()
+
+    bench.probe.until(sent, what)
+
+
+TARGET = YUMI.home_rad + 0.3
+
+
+def test_it_follows_and_holds_and_goes_home(start: Callable[..., NodeProcess], bench: Bench) -> None:
+    start("retargeting", home_after_s=2.0, stale_after_s=0.3, home_velocity_rad_s=2.0, report_handled=True)
+    bench.connect()
+    bench.until_status(WARN, "waiting for joint_states")
+    assert bench.commands == [], "nobody has said where the robot is"
+    bench.measure()
+    bench.probe.until(lambda: len(bench.commands) > 10, "commands")
+    np.testing.assert_array_equal(bench.commands[0].position, YUMI.home_rad)
+    assert tuple(bench.commands[0].name) == YUMI.joint_names
+
+    follow(bench, TARGET, lambda: bench.commands_reach(TARGET), "the target reached")
+    stamps = [message.header.stamp.sec * 10**9 + message.header.stamp.nanosec for message in bench.commands]
+    positions = np.array([list(message.position) for message in bench.commands])
+    assert np.all(np.diff(stamps) > 0)
+    speeds = np.diff(positions, axis=0) / (np.diff(stamps)[:, None] * 1e-9)
+    # Rounding of stamps to a nanosecond over steps of at least 0.1 ms.
+    assert np.all(np.abs(speeds) <= YUMI.velocity_rad_s * (1 + 1e-4))
+
+    bench.until_status(WARN, "holding")
+    bench.probe.until(lambda: bench.commands_reach(YUMI.home_rad), "home again")
+    bench.probe.until(lambda: bench.status()[2]["mode"] == "idle", "ready again")
+    values = bench.until_status(WARN, "no motion for")
+    assert int(values["retargeting accepted"]) > 5
+    assert int(values["retargeting held_stale"]) == 1
+
+
+def test_the_operator_is_obeyed(start: Callable[..., NodeProcess], bench: Bench) -> None:
+    start("retargeting", enabled=False)
+    bench.connect()
+    follow(bench, TARGET, lambda: bench.status()[2].get("retargeting not_enabled"), "refused motions")
+    assert bench.commands == []
+    assert bench.probe.call(SetBool, "/retargeting/enable", SetBool.Request(data=True)).success
+    follow(bench, TARGET, lambda: bench.commands_reach(TARGET), "the target reached")
+    assert bench.probe.call(Trigger, "/retargeting/reset", Trigger.Request()).success
+    bench.probe.until(lambda: bench.commands_reach(YUMI.home_rad), "home after reset")
+    assert bench.probe.call(SetBool, "/retargeting/enable", SetBool.Request(data=False)).success
+    bench.until_status(WARN, "")
+    bench.probe.until(lambda: bench.status()[2]["mode"] == "disabled", "disabled")
+    count = bench.status()[2]["joint_command count"]
+    seen = len(bench.reports)
+    bench.probe.until(lambda: len(bench.reports) > seen + 1, "two more reports")
+    assert bench.status()[2]["joint_command count"] == count, "a disabled node sends nothing"
+
+
+def test_it_stops_when_somebody_else_commands(start: Callable[..., NodeProcess], bench: Bench) -> None:
+    node = start("retargeting")
+    bench.connect()
+    bench.measure()
+    bench.probe.until(lambda: bench.commands, "commands")
+    other = bench.probe.node.create_publisher(JointState, "joint_command", 1)
+    values = bench.until_status(ERROR, "1 other publisher on /joint_command: this node sends no commands")
+    assert values["mode"] == "disabled"
+    assert "other publisher" in node.output()
+    answer = bench.probe.call(SetBool, "/retargeting/enable", SetBool.Request(data=True))
+    assert not answer.success
+    assert "no other node" in answer.message
+    count, seen = len(bench.commands), len(bench.reports)
+    bench.probe.until(lambda: len(bench.reports) > seen + 1, "two more reports")
+    assert len(bench.commands) == count
+    bench.probe.node.destroy_publisher(other)
+    bench.probe.until(lambda: len(bench.commands) > count, "commands again")
+
+
+def test_bad_input_is_counted_by_its_reason(start: Callable[..., NodeProcess], bench: Bench) -> None:
+    node = start("retargeting")
+    bench.connect()
+    bench.measure(np.full(7, np.nan))
+    bench.states.publish(JointState(name=["a"], position=[0.0, 1.0]))
+    bench.states.publish(JointState(name=["somebody_else"], position=[0.0]))
+    bench.measure(YUMI.upper_rad + 1.0)
+    bench.until_counted(
+        "messages not_finite", "messages wrong_layout", "retargeting joints_missing", "retargeting outside_limits"
+    )
+    assert bench.commands == []
+    bench.measure()
+    bench.probe.until(lambda: bench.commands, "commands")
+    bench.move(np.full(7, np.nan))
+    bench.move(np.zeros(3), ("a", "b", "c"))
+    bench.until_counted("retargeting not_finite", "retargeting wrong_joints")
+    lonely = JointTrajectory()
+    for number in range(51):
+        lonely.header.stamp.sec = number
+        bench.motion.publish(lonely)
+        bench.probe.spin()
+    bench.until_counted("messages unpaired")
+    assert bench.status()[2]["messages unpaired"] == "1"
+    assert "retargeting wrong_joints" in node.output()
+    positions = np.array([list(message.position) for message in bench.commands])
+    np.testing.assert_array_equal(positions, np.tile(YUMI.home_rad, (len(positions), 1)))
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_it_with_code_0(start: Callable[..., NodeProcess], bench: Bench, number: int) -> None:
+    node = start("retargeting")
+    bench.connect()
+    assert node.stop(number) == 0
+    assert "Traceback" not in node.output()
