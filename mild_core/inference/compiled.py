@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One decorator for numba functions, so that all are compiled by the same rules."""
+"""One decorator for numba functions, so that all are compiled and kept by the same rules."""
 
 from __future__ import annotations
 
+import hashlib
+import os
 from collections.abc import Callable
-from typing import Any, TypeVar
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar, cast
 
 import numba
 
@@ -14,14 +18,40 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 def compiled(function: Function) -> Function:
     """Compile `function` at its first call and keep the machine code on disk where that is possible.
 
-    Arithmetic stays as written: no fast-math, so one machine gives the same bits every time. numba refuses to
-    cache where it can write neither beside the source nor in the user's cache; we then compile once per process.
-    The cache only watches the file of the function itself, so a compiled function calls compiled functions of
-    its own file only.
+    Arithmetic stays as written: no fast-math, so one machine gives the same bits every time.
     """
     options: dict[str, Any] = {"fastmath": False, "error_model": "numpy", "nogil": True}
+    folder = _cache_folder()
+    if folder is None:
+        return cast(Function, numba.njit(**options)(function))
+    before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder)  # type: ignore[attr-defined]
     try:
-        result: Function = numba.njit(cache=True, **options)(function)
-    except RuntimeError:
-        result = numba.njit(**options)(function)
-    return result
+        return cast(Function, numba.njit(cache=True, **options)(function))
+    except RuntimeError:  # numba found the folder unusable after all.
+        return cast(Function, numba.njit(**options)(function))
+    finally:
+        numba.config.CACHE_DIR = before  # type: ignore[attr-defined]
+
+
+@cache
+def _cache_folder() -> Path | None:
+    """Where machine code is kept: `NUMBA_CACHE_DIR`, beside the sources, or in the user's cache; None if nowhere.
+
+    numba recompiles a function when its own file changed, but not when a function that it calls did, in another
+    file. So the folder is named after the content of all files with compiled functions.
+    """
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.rglob("*.py")):
+        content = path.read_bytes()
+        digest.update(content if b"@compiled" in content else b"")
+    given, here = os.environ.get("NUMBA_CACHE_DIR"), Path(__file__).parent / "__pycache__"
+    users = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "mild_ros"
+    for parent in [Path(given)] if given else [here, users]:
+        folder = parent / f"kernels-{digest.hexdigest()[:16]}"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except (OSError, RuntimeError):
+            continue
+        if os.access(folder, os.W_OK | os.X_OK):
+            return folder
+    return None

@@ -3,69 +3,23 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from mild_core.inference.gaussian import Gaussian
-from mild_core.inference.mixing import add_spread, gate_weights, mix_means, nearest, posterior
 from mild_core.inference.networks import Float32Array, Network
-from mild_core.inference.priors.belief import Belief, Explanation
 from mild_core.inference.priors.prior import Prior
+from mild_core.inference.stepping import (
+    BOARD,
+    Chains,
+    IntArray,
+    Observed,
+    Parts,
+    generate_window,
+    observe_window,
+)
 from mild_core.shapes import FloatArray, read_only
-
-NEVER_SEEN = 2.0
-"""Out-of-distribution score, at least, of a frame at which every density underflows."""
-
-Values = dict[str, Float32Array]
-"""The sources that networks take in, by name; see `manifest.SOURCES`."""
-
-
-@dataclass(frozen=True, eq=False)
-class MemberState:
-    """What one copy of a member remembers.
-
-    Attributes:
-        context: Memory of the context network's cells.
-        beliefs: One per interaction that is considered.
-    """
-
-    context: Float32Array
-    beliefs: tuple[Belief, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class Percept:
-    """One window as a member sees it.
-
-    Attributes:
-        state: After the window.
-        values: Sources of the networks that come later.
-        explanations: One per interaction that is considered.
-        out_of_distribution: Above 1 is unknown.
-    """
-
-    state: MemberState
-    values: Values
-    explanations: tuple[Explanation, ...]
-    out_of_distribution: float
-
-
-@dataclass(frozen=True, eq=False)
-class Generated:
-    """What a member expects the controlled agent to do.
-
-    Attributes:
-        motion: (W, N) the decoded window.
-        covariance: (N, N) of a frame's values, averaged over the window; without the model's residual.
-        weights: (K,) belief over the components of the likeliest interaction, after the gate.
-    """
-
-    motion: FloatArray
-    covariance: FloatArray
-    weights: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +29,7 @@ class Member:
     Attributes:
         networks: By name, see `manifest.SOURCES`.
         inputs: What each network takes in, in order.
+        sizes: Number of values of each of `stepping.BOARD`.
         priors: One per interaction.
         latent_radius: (P,) Mahalanobis distance from the nearest component that the interaction's own windows hardly
             ever exceed.
@@ -85,114 +40,153 @@ class Member:
 
     networks: Mapping[str, Network]
     inputs: Mapping[str, tuple[str, ...]]
+    sizes: Mapping[str, int]
     priors: tuple[Prior, ...]
     latent_radius: FloatArray
     centres: FloatArray
     radii: FloatArray
     operators: FloatArray
 
-    @property
-    def latent_size(self) -> int:
-        """C: dimensions of the controlled latent."""
-        return self.priors[0].controlled_size
 
-    @property
-    def frame_values(self) -> int:
-        """N: values of one frame of the decoded window."""
-        return math.isqrt(self.operators.shape[2])
+@dataclass(frozen=True, eq=False)
+class MemberState:
+    """What one copy of a member remembers.
 
-    def init(self, interactions: Sequence[int]) -> MemberState:
-        """Nothing seen yet.
+    Attributes:
+        context: Memory of the context network's cells.
+        memory: (A, K, D) belief over components and remaining time, of each interaction that is considered.
+    """
 
-        Args:
-            interactions: Numbers of those that are considered.
-        """
-        context = self.networks.get("context")
+    context: Float32Array
+    memory: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Generated:
+    """What a member expects the controlled agent to do.
+
+    Attributes:
+        motion: (W, N) the decoded window.
+        covariance: (N, N) of a frame's values, averaged over the window.
+        weights: (K,) belief over the components of the likeliest interaction, after the gate.
+        phase: Expected progress by that belief, 0 to 1.
+    """
+
+    motion: FloatArray
+    covariance: FloatArray
+    weights: FloatArray
+    phase: float
+
+
+@dataclass(frozen=True, eq=False)
+class ReadyMember:
+    """A member with everything laid out for the compiled step.
+
+    Attributes:
+        member: Which one.
+        considered: (A,) numbers of the interactions that can be the one.
+        phases: (P, K) of all priors.
+        residual_covariance: (N, N) of the model.
+        places: Where each of `stepping.BOARD` begins, and the length of the board.
+        chains: The parts of `stepping.Chains`.
+        perceiving: Context, encoder and distance networks, each the parts of `stepping.Compiled`.
+        acting: Gate, residual and decoder networks.
+    """
+
+    member: Member
+    considered: IntArray
+    phases: FloatArray
+    residual_covariance: FloatArray
+    places: IntArray
+    chains: tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
+    perceiving: tuple[Parts, Parts, Parts]
+    acting: tuple[Parts, Parts, Parts]
+
+    def init(self) -> MemberState:
+        """Nothing seen yet."""
+        context = self.member.networks.get("context")
         memory = context.first_memory() if context else np.zeros(0, dtype=np.float32)
-        return MemberState(memory, tuple(self.priors[p].initial_belief() for p in interactions))
+        memory.flags.writeable = False
+        return MemberState(memory, read_only(np.zeros(self.chains[4].shape)))
 
     def observe(
-        self, state: MemberState, rows: Float32Array, window: Float32Array, label: Float32Array,
-        interactions: Sequence[int], missed: int,
-    ) -> Percept:  # fmt: skip
+        self, state: MemberState, features: FloatArray, label: FloatArray, steps: int, stride: int, missed: int
+    ) -> Observed:
         """Encode one window and move the beliefs on.
 
         Args:
             state: Before it.
-            rows: (n, D) the frames that are new to a context network that takes frames, oldest first.
-            window: (W D,) all frames.
+            features: (W, D).
             label: (P,) probability of each interaction so far.
-            interactions: Numbers of those that are considered.
-            missed: Steps of the chain that went by unseen.
-        """
-        values: Values = {"frame": rows[-1], "window": window, "label": label}
-        memory = self._remember(state.context, rows, values)
-        latent, covariance = posterior(self._run("encoder", values), self.priors[0].observed_size)
-        values["observed"] = latent.astype(np.float32)
-        explanations = tuple(self.priors[p].explain(latent, covariance) for p in interactions)
-        beliefs = tuple(
-            self.priors[p].advance(belief, explanation, missed)
-            for p, belief, explanation in zip(interactions, state.beliefs, explanations, strict=True)
-        )
-        score = min(
-            float(explanation.distances.min()) / float(self.latent_radius[p])
-            for p, explanation in zip(interactions, explanations, strict=True)
-        )
-        if not any(belief.known for belief in beliefs):
-            score = max(score, NEVER_SEEN)
-        if "distance" in self.networks:
-            score = max(score, float(nearest(self._run("distance", values), self.centres, self.radii)))
-        return Percept(MemberState(memory, beliefs), values, explanations, score)
+            steps: How many of its frames are new to a context network that takes frames.
+            stride: Between those.
+            missed: Steps of the chains that went by unseen; -1 at the very first.
 
-    def generate(self, percept: Percept, label: Float32Array, interactions: Sequence[int]) -> Generated:
+        Returns:
+            What was found; its score is NaN when a feature is not finite, and then nothing else holds.
+        """
+        member = self.member
+        steps = steps if "frame" in member.inputs.get("context", ()) else 1
+        memories, given, timing = (state.context, state.memory), (features, label), (steps, stride, missed)
+        regions, restart = (member.centres, member.radii), member.priors[0].restart
+        found = observe_window(self.perceiving, self.chains, regions, self.places, memories, given, timing, restart)
+        found[0].flags.writeable = found[1].flags.writeable = False
+        return Observed(*found)
+
+    def generate(self, observed: Observed, label: FloatArray) -> Generated:
         """Condition on what was observed, mix and decode.
 
         Args:
-            percept: Of `observe`, with the same `interactions`.
+            observed: What `observe` found.
             label: (P,) probability of each interaction, this window included.
-            interactions: Numbers of those that are considered.
         """
-        values = dict(percept.values)
-        values["label"] = label
-        shift = self._run("residual", values).astype(np.float64) if "residual" in self.networks else None
-        mixed: list[tuple[float, FloatArray, Gaussian]] = []
-        latent = np.zeros(self.latent_size) if shift is None else shift.copy()
-        for p, belief, explanation in zip(interactions, percept.state.beliefs, percept.explanations, strict=True):
-            weights = self._gated(belief, values)
-            mixed.append((float(label[p]), weights, explanation.conditioned))
-            latent += float(label[p]) * mix_means(weights, explanation.conditioned.mean)
-        centre = latent if shift is None else latent - shift
-        covariance = np.zeros((self.frame_values, self.frame_values))
-        for p, (share, weights, components) in zip(interactions, mixed, strict=True):
-            add_spread(share * weights, (components.mean, components.covariance), centre, self.operators[p], covariance)
-        likeliest = max(mixed, key=lambda part: part[0])[1]
-        values["belief"], values["controlled"] = likeliest.astype(np.float32), latent.astype(np.float32)
-        motion = self._run("decoder", values).astype(np.float64).reshape(-1, self.frame_values)
-        return Generated(motion, covariance, likeliest)
+        found = (observed.board, observed.weights, observed.means, observed.covariances)
+        motion, covariance, weights, phase = generate_window(
+            self.acting, self.places, found, label, self.considered, self.member.operators, self.phases,
+            self.residual_covariance,
+        )  # fmt: skip
+        motion.flags.writeable = covariance.flags.writeable = weights.flags.writeable = False
+        return Generated(motion, covariance, weights, phase)
 
-    def _remember(self, memory: Float32Array, rows: Float32Array, values: Values) -> Float32Array:
-        """Run the context network, once per new frame where it takes frames, and add what it says to `values`."""
-        if "context" not in self.networks:
-            return memory
-        taken = self.inputs["context"]
-        for frame in rows if "frame" in taken else rows[-1:]:
-            values["frame"] = frame
-            values["context"], memory = self.networks["context"].run(self._gather(taken, values), memory)
-        return memory
 
-    def _gated(self, belief: Belief, values: Values) -> FloatArray:
-        if "gate" not in self.networks:
-            return belief.weights
-        values["belief"] = belief.weights.astype(np.float32)
-        return gate_weights(belief.weights, self._run("gate", values))
+def make_ready(member: Member, considered: Sequence[int], residual_covariance: FloatArray) -> ReadyMember:
+    """Lay a member out for the compiled step.
 
-    def _run(self, name: str, values: Values) -> Float32Array:
-        network = self.networks[name]
-        return network.run(self._gather(self.inputs[name], values), network.first_memory())[0]
+    Args:
+        member: Which one.
+        considered: Numbers of the interactions that can be the one.
+        residual_covariance: (N, N) of the model.
+    """
+    priors = [member.priors[p] for p in considered]
+    longest = max(prior.chain.longest for prior in priors)
+    chains = Chains(
+        np.stack([prior.components.mean for prior in priors]),
+        np.stack([prior.components.covariance for prior in priors]),
+        np.stack([prior.chain.initial for prior in priors]),
+        np.stack([prior.chain.transitions for prior in priors]),
+        np.stack([np.pad(p.chain.durations, ((0, 0), (0, longest - p.chain.longest))) for p in priors]),
+        member.latent_radius[list(considered)],
+    )
+    places = np.concatenate([[0], np.cumsum([member.sizes.get(name, 0) for name in BOARD])])
 
-    @staticmethod
-    def _gather(names: tuple[str, ...], values: Values) -> Float32Array:
-        return values[names[0]] if len(names) == 1 else np.concatenate([values[name] for name in names])
+    def ready(name: str) -> Parts:
+        if name not in member.networks:
+            return np.zeros((0, 6), dtype=np.int64), np.zeros(0, dtype=np.float32), np.zeros(0, dtype=np.int64)
+        network = member.networks[name]
+        starts = [(places[BOARD.index(source)], member.sizes[source]) for source in member.inputs[name]]
+        intake = np.concatenate([np.arange(first, first + size) for first, size in starts])
+        return network.program.copy(), network.parameters.copy(), intake
+
+    return ReadyMember(
+        member,
+        np.array(considered),
+        np.stack([prior.phases for prior in member.priors]),
+        residual_covariance,
+        places,
+        (*chains,),
+        (ready("context"), ready("encoder"), ready("distance")),
+        (ready("gate"), ready("residual"), ready("decoder")),
+    )
 
 
 def spread_operators(

@@ -46,23 +46,16 @@ def posterior(outputs: Float32Array, size: int) -> tuple[FloatArray, FloatArray]
 @compiled
 def gate_weights(belief: FloatArray, logits: Float32Array) -> FloatArray:
     """Belief (K,) times the exponential of the gate's logits (K,), normalised."""
-    logarithms = np.log(belief + 1e-12) + logits
-    weights: FloatArray = np.exp(logarithms - logarithms.max())
-    weights /= weights.sum()
+    weights, largest, total = np.empty(belief.shape[0]), -np.inf, 0.0
+    for j in range(belief.shape[0]):
+        weights[j] = np.log(belief[j] + 1e-12) + logits[j]
+        largest = max(largest, weights[j])
+    for j in range(belief.shape[0]):
+        weights[j] = np.exp(weights[j] - largest)
+        total += weights[j]
+    for j in range(belief.shape[0]):
+        weights[j] /= total
     return weights
-
-
-@compiled
-def mix_means(weights: FloatArray, means: FloatArray) -> FloatArray:
-    """(C,): sum over components of weights (K,) times means (K, C).
-
-    Source: eq. 7 of MILD.
-    """
-    mixed = np.zeros(means.shape[1])
-    for j in range(means.shape[0]):
-        for c in range(means.shape[1]):
-            mixed[c] += weights[j] * means[j, c]
-    return mixed
 
 
 @compiled

@@ -124,7 +124,7 @@ def _build_member(prefix: str, specs: Mapping[str, NetworkSpec], manifest: Manif
             raise ValueError(f"array {prefix}.{name} holds a radius that is not above zero")
     inputs = {name: spec.inputs for name, spec in specs.items()}
     operators = spread_operators(networks["decoder"], inputs["decoder"], sizes, priors, manifest.window)
-    return Member(networks, inputs, priors, radius, centres, radii, operators)
+    return Member(networks, inputs, sizes, priors, radius, centres, radii, operators)
 
 
 def _build(prefix: str, spec: NetworkSpec, sizes: Mapping[str, int], outputs: int | None, taken: _Taken) -> Network:

@@ -30,6 +30,7 @@ ACTIVATIONS = ("identity", "leaky_relu", "tanh", "relu", "sigmoid")
 LEAK = np.float32(0.01)
 """Slope of leaky_relu below zero: torch's default."""
 
+ONE = np.float32(1.0)
 DENSE, GRU, NORMALISE, DENORMALISE = range(4)
 
 
@@ -181,70 +182,68 @@ def _array(arrays: Mapping[str, NDArray[Any]], name: str, shape: tuple[int, ...]
 
 
 @compiled
-def dense(parameters: Float32Array, first: int, values: Float32Array, outputs: Float32Array, bias_first: int) -> None:
-    """Fill `outputs` with values W + bias; W lies row by row from parameter `first` on.
+def dense(parameters: Float32Array, first: int, values: Float32Array, outputs: Float32Array, bias: int) -> None:
+    """Fill `outputs` with values W + b; W lies row by row from parameter `first` on, b from parameter `bias` on.
 
-    Eight rows at a time, in a fixed order: sums run over whole vectors of outputs, which needs no reordering.
+    Four rows at a time, in a fixed order: sums run over whole vectors of outputs, which needs no reordering.
     """
     inputs, size = values.shape[0], outputs.shape[0]
-    outputs[:] = parameters[bias_first : bias_first + size]
-    whole = inputs - inputs % 8
-    for i in range(0, whole, 8):
+    for j in range(size):
+        outputs[j] = parameters[bias + j]
+    whole = inputs - inputs % 4
+    for i in range(0, whole, 4):
         row = first + i * size
         w0, w1 = parameters[row : row + size], parameters[row + size : row + 2 * size]
         w2, w3 = parameters[row + 2 * size : row + 3 * size], parameters[row + 3 * size : row + 4 * size]
-        w4, w5 = parameters[row + 4 * size : row + 5 * size], parameters[row + 5 * size : row + 6 * size]
-        w6, w7 = parameters[row + 6 * size : row + 7 * size], parameters[row + 7 * size : row + 8 * size]
         x0, x1, x2, x3 = values[i], values[i + 1], values[i + 2], values[i + 3]
-        x4, x5, x6, x7 = values[i + 4], values[i + 5], values[i + 6], values[i + 7]
         for j in range(size):
-            low = (x0 * w0[j] + x1 * w1[j]) + (x2 * w2[j] + x3 * w3[j])
-            high = (x4 * w4[j] + x5 * w5[j]) + (x6 * w6[j] + x7 * w7[j])
-            outputs[j] += low + high
+            outputs[j] += (x0 * w0[j] + x1 * w1[j]) + (x2 * w2[j] + x3 * w3[j])
     for i in range(whole, inputs):
-        row = first + i * size
-        x0 = values[i]
+        w0, x0 = parameters[first + i * size : first + (i + 1) * size], values[i]
         for j in range(size):
-            outputs[j] += x0 * parameters[row + j]
+            outputs[j] += x0 * w0[j]
 
 
 @compiled
 def activate(kind: int, values: Float32Array) -> None:
     """Apply an activation, a place in `ACTIVATIONS`, to each value in place."""
-    if kind == 1:
-        for i in range(values.shape[0]):
-            values[i] = values[i] if values[i] > 0.0 else LEAK * values[i]
-    elif kind == 2:
-        for i in range(values.shape[0]):
-            values[i] = np.tanh(values[i])
-    elif kind == 3:
-        for i in range(values.shape[0]):
-            values[i] = max(values[i], np.float32(0.0))
-    elif kind == 4:
-        for i in range(values.shape[0]):
-            values[i] = np.float32(1.0) / (np.float32(1.0) + np.exp(-values[i]))
+    if kind == 0:
+        return
+    for i in range(values.shape[0]):
+        value = values[i]
+        if kind == 1 and value < 0.0:
+            values[i] = LEAK * value
+        elif kind == 2:
+            values[i] = np.tanh(value)
+        elif kind == 3 and value < 0.0:
+            values[i] = 0.0
+        elif kind == 4:
+            values[i] = ONE / (ONE + np.exp(-value))
 
 
 @compiled
-def remember(parameters: Float32Array, first: int, values: Float32Array, hidden: Float32Array) -> None:
-    """One step of a gated recurrent unit; `hidden` (H,) is its memory and its output.
+def remember(
+    parameters: Float32Array, first: int, values: Float32Array, memory: Float32Array, place: int, after: Float32Array
+) -> None:
+    """One step of a gated recurrent unit whose memory (H,) begins at `place`; `after` (H,) is filled with the new one.
 
     Source: Cho et al. (2014) in torch's form: gates in the order reset, update, new; the reset gate acts on
         W h + b.
     """
-    inputs, size = values.shape[0], hidden.shape[0]
-    from_input, from_hidden = np.empty(3 * size, dtype=np.float32), np.empty(3 * size, dtype=np.float32)
-    second = first + inputs * 3 * size
+    size = after.shape[0]
+    from_input, from_memory = np.empty(3 * size, dtype=np.float32), np.empty(3 * size, dtype=np.float32)
+    second = first + values.shape[0] * 3 * size
     bias = second + size * 3 * size
-    dense(parameters, first, values, from_input, bias)
-    dense(parameters, second, hidden, from_hidden, bias + 3 * size)
-    gates = from_input[: 2 * size] + from_hidden[: 2 * size]
-    activate(4, gates)
-    new = from_input[2 * size :] + gates[:size] * from_hidden[2 * size :]
-    activate(2, new)
     for j in range(size):
-        update = gates[size + j]
-        hidden[j] = (np.float32(1.0) - update) * new[j] + update * hidden[j]
+        after[j] = memory[place + j]
+    dense(parameters, first, values, from_input, bias)
+    dense(parameters, second, after, from_memory, bias + 3 * size)
+    for j in range(size):
+        reset = ONE / (ONE + np.exp(-from_input[j] - from_memory[j]))
+        update = ONE / (ONE + np.exp(-from_input[size + j] - from_memory[size + j]))
+        new = np.tanh(from_input[2 * size + j] + reset * from_memory[2 * size + j])
+        after[j] = (ONE - update) * new + update * after[j]
+        memory[place + j] = after[j]
 
 
 @compiled
@@ -252,7 +251,7 @@ def run_layers(
     program: NDArray[np.int64], parameters: Float32Array, values: Float32Array, memory: Float32Array
 ) -> Float32Array:
     """Run a program of layers; `memory` is changed in place."""
-    current = values.copy()
+    current = values
     for layer in range(program.shape[0]):
         kind, inputs, size, activation = program[layer, 0], program[layer, 1], program[layer, 2], program[layer, 3]
         first, place = program[layer, 4], program[layer, 5]
@@ -261,8 +260,7 @@ def run_layers(
             dense(parameters, first, current, after, first + inputs * size)
             activate(activation, after)
         elif kind == GRU:
-            remember(parameters, first, current, memory[place : place + size])
-            after[:] = memory[place : place + size]
+            remember(parameters, first, current, memory, place, after)
         elif kind == NORMALISE:
             for i in range(size):
                 after[i] = (current[i] - parameters[first + i]) / parameters[first + size + i]

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -20,14 +20,20 @@ class Recognition:
     Attributes:
         evidence: (P,) tempered log-likelihoods, forgotten little by little.
         probabilities: (P,) sum to one.
+        likeliest: Number of the most probable one.
+        probability: Of that one.
     """
 
     evidence: FloatArray
     probabilities: FloatArray
+    likeliest: int = field(init=False)
+    probability: float = field(init=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "evidence", read_only(self.evidence))
         object.__setattr__(self, "probabilities", read_only(self.probabilities))
+        object.__setattr__(self, "likeliest", int(self.probabilities.argmax()))
+        object.__setattr__(self, "probability", float(self.probabilities[self.likeliest]))
 
 
 def undecided(interactions: int) -> Recognition:

@@ -13,17 +13,20 @@ Source: Algorithm 2 of MILD.
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from mild_core.errors import DataError, unknown_name
-from mild_core.inference.member import Generated, MemberState, Percept
+from mild_core.inference.member import Generated, MemberState, ReadyMember, make_ready
 from mild_core.inference.motion_model import MildModel
+from mild_core.inference.priors.filtering import UNDERFLOW
 from mild_core.inference.recognition import Recognition, given, recognise, undecided
+from mild_core.inference.stepping import Observed
+from mild_core.shapes import read_only
 from mild_core.signals import FeatureWindow, MotionWindow
 
 AUTO = "auto"
@@ -90,10 +93,10 @@ class Inference:
             raise unknown_name(f"interaction of model {self.model.manifest.name}", self.interaction, (AUTO, *names))
 
     @cached_property
-    def _considered(self) -> tuple[int, ...]:
-        """Numbers of the interactions that can be the one."""
+    def _members(self) -> tuple[ReadyMember, ...]:
         names = self.model.manifest.interactions
-        return tuple(range(len(names))) if self.interaction == AUTO else (names.index(self.interaction),)
+        considered = range(len(names)) if self.interaction == AUTO else [names.index(self.interaction)]
+        return tuple(make_ready(m, considered, self.model.residual_covariance) for m in self.model.members)
 
     @cached_property
     def _period_ns(self) -> int:
@@ -102,8 +105,9 @@ class Inference:
     def init(self) -> InferenceState:
         """The state before the first window."""
         names = self.model.manifest.interactions
-        recognition = undecided(len(names)) if self.interaction == AUTO else given(self._considered[0], len(names))
-        copy = CopyState(-1, tuple(member.init(self._considered) for member in self.model.members))
+        told = self.interaction != AUTO
+        recognition = given(names.index(self.interaction), len(names)) if told else undecided(len(names))
+        copy = CopyState(-1, tuple(member.init() for member in self._members))
         return InferenceState(recognition, (copy,) * self.model.manifest.stride)
 
     def step(
@@ -119,26 +123,26 @@ class Inference:
         Returns:
             The state after it, and the one motion window that answers it; none when it cannot be used.
         """
-        events: Counter[str] = Counter()
         try:
             self._check(state, window)
+            before, index, events = self._in_time(state, window.stamp_ns)
+            place = index % len(before.copies)
+            found = self._observe(before, place, index, window)
         except DataError as error:
-            return self._ended(state, events, error.reason, error.detail), ()
-        before, index = self._in_time(state, window.stamp_ns, events)
-        place = index % len(before.copies)
-        percepts = self._observe(before, place, index, window)
-        recognition = self._recognise(before.recognition, percepts)
-        label = recognition.probabilities.astype(np.float32)
-        members = self.model.members
-        generated = tuple(
-            member.generate(percept, label, self._considered) for member, percept in zip(members, percepts, strict=True)
-        )
-        motion = self._motion(window, recognition, percepts, generated)
-        events["unknown"] += motion.out_of_distribution > 1.0
-        copy = CopyState(index, tuple(percept.state for percept in percepts))
+            return replace(
+                state, counts=_counted(state, {error.reason: 1}), outcome=error.reason, detail=error.detail
+            ), ()
+        recognition = self._recognise(before.recognition, found)
+        generated = [m.generate(seen, recognition.probabilities) for m, seen in zip(self._members, found, strict=True)]
+        strangeness = sum([seen.score for seen in found]) / len(found)
+        motion = self._motion(window, recognition, strangeness, _combined(generated))
+        events["accepted"] = 1
+        if strangeness > 1.0:
+            events["unknown"] = 1
+        copy = CopyState(index, tuple([MemberState(seen.context, seen.memory) for seen in found]))
         copies = (*before.copies[:place], copy, *before.copies[place + 1 :])
-        after = InferenceState(recognition, copies, before.counts, "", "", window.stamp_ns, index)
-        return self._ended(after, events, "accepted"), (motion,)
+        counts = _counted(state, events)
+        return InferenceState(recognition, copies, counts, "accepted", "", window.stamp_ns, index), (motion,)
 
     def _check(self, state: InferenceState, window: FeatureWindow) -> None:
         """Raise DataError unless the window can be used."""
@@ -149,83 +153,77 @@ class Inference:
         if window.features.shape != (manifest.window, manifest.frame_values):
             problem = f"{window.features.shape} instead of {(manifest.window, manifest.frame_values)}"
             raise DataError("wrong_shape", problem)
-        if not np.isfinite(window.features).all():
-            raise DataError("not_finite", "a feature is NaN or infinite")
         if window.stamp_ns == state.stamp_ns:
             raise DataError("duplicate", f"stamp {window.stamp_ns} came twice")
 
-    def _in_time(self, state: InferenceState, stamp_ns: int, events: Counter[str]) -> tuple[InferenceState, int]:
-        """The state to go on from, and the number of the new window."""
+    def _in_time(self, state: InferenceState, stamp_ns: int) -> tuple[InferenceState, int, dict[str, int]]:
+        """The state to go on from, the number of the new window, and what happened."""
         if state.stamp_ns is None:
-            return state, 0
+            return state, 0, {}
         passed = max(1, round((stamp_ns - state.stamp_ns) / self._period_ns))
         if stamp_ns < state.stamp_ns or passed > self.model.manifest.window:
-            events["time_reset" if stamp_ns < state.stamp_ns else "gap_reset"] += 1
-            fresh = self.init()
-            return InferenceState(fresh.recognition, fresh.copies, state.counts), 0
-        events["missed"] += passed - 1
-        return state, state.index + passed
+            return self.init(), 0, {"time_reset" if stamp_ns < state.stamp_ns else "gap_reset": 1}
+        return state, state.index + passed, {"missed": passed - 1} if passed > 1 else {}
 
-    def _observe(self, state: InferenceState, place: int, index: int, window: FeatureWindow) -> tuple[Percept, ...]:
+    def _observe(self, state: InferenceState, place: int, index: int, window: FeatureWindow) -> tuple[Observed, ...]:
+        """What each member finds. Raises DataError when a feature is not finite."""
         copy, stride = state.copies[place], len(state.copies)
-        frames = np.array(window.features, dtype=np.float32)
-        all_rows = frames[(len(frames) - 1) % stride :: stride]
-        missed = (index - copy.index) // stride - 1 if copy.index >= 0 else 0
-        rows = all_rows if copy.index < 0 else all_rows[-(missed + 1) :]
-        label, flat = state.recognition.probabilities.astype(np.float32), frames.reshape(-1)
-        return tuple(
-            member.observe(memory, rows, flat, label, self._considered, missed)
-            for member, memory in zip(self.model.members, copy.members, strict=True)
+        missed = (index - copy.index) // stride - 1 if copy.index >= 0 else -1
+        whole = 1 + (len(window.features) - 1) // stride
+        steps = min(missed + 1, whole) if copy.index >= 0 else whole
+        label, features = state.recognition.probabilities, window.features
+        if not (features.flags.c_contiguous and features.flags.aligned):
+            features = read_only(np.array(features, order="C"))  # Any other layout would be compiled for anew.
+        found = tuple(
+            [
+                member.observe(memory, features, label, steps, stride, missed)
+                for member, memory in zip(self._members, copy.members, strict=True)
+            ]
         )
+        if math.isnan(found[0].score):
+            raise DataError("not_finite", "a feature is NaN or infinite")
+        return found
 
-    def _recognise(self, before: Recognition, percepts: tuple[Percept, ...]) -> Recognition:
+    def _recognise(self, before: Recognition, found: tuple[Observed, ...]) -> Recognition:
         """A frame that no interaction can explain says nothing about which one it is."""
-        beliefs = [percept.state.beliefs for percept in percepts]
-        if self.interaction != AUTO or not any(belief.known for member in beliefs for belief in member):
+        if self.interaction != AUTO:
             return before
-        log_likelihoods = np.array([[belief.log_likelihood for belief in member] for member in beliefs])
+        log_likelihoods = np.array([seen.log_likelihoods for seen in found])
+        if log_likelihoods.max() <= UNDERFLOW:
+            return before
         return recognise(before, log_likelihoods.sum(axis=0), self.model.temper, self.model.forgetting)
 
     def _motion(
-        self, window: FeatureWindow, recognition: Recognition, percepts: tuple[Percept, ...],
-        generated: tuple[Generated, ...],
-    ) -> MotionWindow:  # fmt: skip
-        manifest, members = self.model.manifest, self.model.members
-        likeliest = int(recognition.probabilities.argmax())
-        probability = float(recognition.probabilities[likeliest])
-        mean, controlled = _combined(generated), manifest.controlled
-        strangeness = sum(percept.out_of_distribution for percept in percepts) / len(members)
-        phases = [
-            part.weights @ member.priors[likeliest].phases for part, member in zip(generated, members, strict=True)
-        ]
-        named = self.interaction != AUTO or (probability >= DECIDED and strangeness <= 1.0)
-        rows = mean.motion if controlled.unit == "rad" else mean.motion.reshape(manifest.window, -1, 3)
+        self, window: FeatureWindow, recognition: Recognition, strangeness: float, generated: Generated
+    ) -> MotionWindow:
+        manifest = self.model.manifest
+        controlled = manifest.controlled
+        named = self.interaction != AUTO or (recognition.probability >= DECIDED and strangeness <= 1.0)
+        rows = generated.motion if controlled.unit == "rad" else generated.motion.reshape(manifest.window, -1, 3)
         return MotionWindow(
             stamp_ns=window.stamp_ns,
             lead_ns=manifest.lead_frames * self._period_ns,
             period_ns=self._period_ns,
             joint_names=controlled.joint_names,
             positions=rows,
-            covariance=mean.covariance + self.model.residual_covariance,
-            interaction=manifest.interactions[likeliest] if named else "",
-            probability=probability,
-            belief=mean.weights,
-            phase=float(sum(phases)) / len(phases),
+            covariance=generated.covariance,
+            interaction=manifest.interactions[recognition.likeliest] if named else "",
+            probability=recognition.probability,
+            belief=generated.weights,
+            phase=generated.phase,
             out_of_distribution=strangeness,
         )
 
-    @staticmethod
-    def _ended(state: InferenceState, events: Counter[str], outcome: str, detail: str = "") -> InferenceState:
-        """The state with what happened counted."""
-        counts = dict(state.counts)
-        counts[outcome] = counts.get(outcome, 0) + 1
-        for name, number in events.items():
-            if number:
-                counts[name] = counts.get(name, 0) + number
-        return InferenceState(state.recognition, state.copies, counts, outcome, detail, state.stamp_ns, state.index)
+
+def _counted(state: InferenceState, events: Mapping[str, int]) -> dict[str, int]:
+    """The counts with what happened added."""
+    counts = dict(state.counts)
+    for name, number in events.items():
+        counts[name] = counts.get(name, 0) + number
+    return counts
 
 
-def _combined(generated: tuple[Generated, ...]) -> Generated:
+def _combined(generated: Sequence[Generated]) -> Generated:
     """Means of the members' parts; the covariance also holds how far their windows disagree."""
     if len(generated) == 1:
         return generated[0]
@@ -233,4 +231,5 @@ def _combined(generated: tuple[Generated, ...]) -> Generated:
     motion = motions.mean(axis=0)
     apart = (motions - motion).reshape(-1, motion.shape[1])
     covariance = np.mean([part.covariance for part in generated], axis=0) + apart.T @ apart / len(apart)
-    return Generated(motion, covariance, np.mean([part.weights for part in generated], axis=0))
+    weights = np.mean([part.weights for part in generated], axis=0)
+    return Generated(motion, covariance, weights, sum(part.phase for part in generated) / len(generated))

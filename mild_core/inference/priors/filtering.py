@@ -99,8 +99,9 @@ def observe_frame(
     size = latent.shape[0]
     block, whitened = np.empty((total, size)), np.empty(size)
     for j in range(count):
-        block[:] = covariances[j, :, :size]
-        block[:size] += widening
+        for row in range(total):
+            for column in range(size):
+                block[row, column] = covariances[j, row, column] + (widening[row, column] if row < size else 0.0)
         log_determinant = factorise(block, size)
         distance = whiten(block, latent, means[j], whitened)
         log_emission[j] = -0.5 * (size * LOG_TWO_PI + distance) - log_determinant
@@ -226,19 +227,23 @@ def filter_frames(
     initial, transitions, durations = chain
     entering, leaving, emissions = events
     components, longest = durations.shape
-    mass, scale = np.empty(components), np.ones(components)
+    mass, scale = np.empty(components), np.empty(components)
+    for j in range(components):
+        scale[j] = 1.0
     for t in range(log_emissions.shape[0]):
         enter_components(memory, scale, first and t == 0, (initial, transitions), entering[t])
-        if restart > 0.0:
-            scale *= 1.0 - restart
-            entering[t] = entering[t] * (1.0 - restart) + restart / components
+        for j in range(components):
+            scale[j] *= 1.0 - restart
+            entering[t, j] = entering[t, j] * (1.0 - restart) + restart / components
         shift_memory(memory, scale, durations, entering[t], mass)
         largest, total = weigh_frame(log_emissions[t], mass, emissions[t])
         log_likelihoods[t] = largest + np.log(total)
         if not largest > lowest:
             log_likelihoods[t] = min(largest, lowest)
-            emissions[t] = 1.0
-            total = mass.sum()
+            total = 0.0
+            for j in range(components):
+                emissions[t, j] = 1.0
+                total += mass[j]
         for j in range(components):
             emissions[t, j] /= total
             scale[j] = emissions[t, j]

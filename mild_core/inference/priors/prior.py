@@ -193,27 +193,22 @@ class Prior(ABC):
         means.flags.writeable = covariances.flags.writeable = False
         return Explanation(log_emissions, distances, Gaussian(means, covariances))
 
-    def advance(self, belief: Belief, explanation: Explanation, missed: int = 0) -> Belief:
+    def update(self, belief: Belief, observed: FloatArray, observed_covariance: FloatArray | None = None) -> Belief:
         """The belief after one more frame, in O(K D + K^2).
 
         Args:
             belief: After the frames before.
-            explanation: Of the frame.
-            missed: Frames that went by unseen in between.
+            observed: (Q,) latent of the observed agent.
+            observed_covariance: (Q, Q) of the encoder; widens the observed block. None: exact.
 
         Source: eq. 6 of MILD with explicit durations, METHOD section 2.
         """
-        log_emissions = np.zeros((missed + 1, self.chain.components))
-        log_emissions[missed] = explanation.log_emissions
+        log_emissions = self.explain(observed, observed_covariance).log_emissions[None]
         memory = belief.memory.copy() if belief.started else None
         after = run_filter(self.chain, log_emissions, memory, self.restart)
-        log_likelihood = float(after.log_likelihoods[missed])
+        log_likelihood = float(after.log_likelihoods[0])
         after.memory.flags.writeable = after.weights.flags.writeable = False
-        return Belief(after.weights[missed], after.memory, True, log_likelihood, log_likelihood > UNDERFLOW)
-
-    def update(self, belief: Belief, observed: FloatArray, observed_covariance: FloatArray | None = None) -> Belief:
-        """`explain` and `advance` in one: the belief after one more observed latent."""
-        return self.advance(belief, self.explain(observed, observed_covariance))
+        return Belief(after.weights[0], after.memory, True, log_likelihood, log_likelihood > UNDERFLOW)
 
     def filter(self, observed: FloatArray, observed_covariances: FloatArray | None = None) -> Filtered:
         """`update` over a whole recording at once, for learning and evaluation.

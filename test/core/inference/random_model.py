@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from typing import Any
 
@@ -28,7 +29,7 @@ def dense(sizes: tuple[int, ...], prefix: str = "hidden") -> tuple[LayerSpec, ..
     last = len(sizes) - 2
     return tuple(
         LayerSpec("dense", f"{prefix}_{i}", a, b, "identity" if i == last else "leaky_relu")
-        for i, (a, b) in enumerate(zip(sizes, sizes[1:], strict=False))
+        for i, (a, b) in enumerate(itertools.pairwise(sizes))
     )
 
 
