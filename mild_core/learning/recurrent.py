@@ -18,6 +18,9 @@ HIDDEN = 64
 EPOCHS = 200
 LEARNING_RATE = 3e-3
 WEIGHT_DECAY = 1e-2
+SEEN_HZ = 10.0
+"""Rate of the frames that the network sees: with more, one step would hardly differ from the next."""
+
 NOISE = 0.1
 """Standard deviation of noise on the standardised features: with 24 trials the network would learn them by heart."""
 
@@ -45,6 +48,7 @@ class Recurrent:
     interactions: tuple[str, ...]
     features: tuple[FloatArray, FloatArray]
     answers: tuple[FloatArray, float]
+    stride: int
     network: _Network
 
     def frames(self, demonstration: Demonstration) -> Tensor:
@@ -56,11 +60,13 @@ class Recurrent:
         return torch.tensor(np.concatenate([(features - mean) / scale, known], axis=1), dtype=torch.float32)
 
     def predict(self, demonstration: Demonstration) -> FloatArray:
-        """Run through the trial once; the hidden state remembers all of the human's past (see `Predictor`)."""
+        """Every `stride`-th frame is seen, up to the newest of each window (see `Predictor`)."""
         true = cut(demonstration, self.protocol).controlled
+        frames, (mean, scale) = self.frames(demonstration), self.answers
+        answers = np.empty((len(frames), len(mean)))
         with torch.no_grad():
-            answers = self.network(self.frames(demonstration)[None])[0].double().numpy()
-        mean, scale = self.answers
+            for phase in range(self.stride):
+                answers[phase :: self.stride] = self.network(frames[None, phase :: self.stride])[0].double().numpy()
         first = self.protocol.window - 1
         answer: FloatArray = (answers[first : first + len(true)] * scale + mean).reshape(true.shape)
         return answer
@@ -77,26 +83,30 @@ def fit_recurrent(demonstrations: Sequence[Demonstration], protocol: Protocol, s
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         network = _Network(features.shape[1] + len(interactions), len(mean))
-        learned = Recurrent(protocol, interactions, standard, (mean, scale), network)
-        _train(network, [learned.frames(d) for d in demonstrations], [(a - mean) / scale for a in answers], protocol)
+        stride = max(1, round(demonstrations[0].rate_hz / protocol.keep_every / SEEN_HZ))
+        learned = Recurrent(protocol, interactions, standard, (mean, scale), stride, network)
+        _train(learned, [learned.frames(d) for d in demonstrations], [(a - mean) / scale for a in answers])
     return learned
 
 
-def _train(network: _Network, tracks: Sequence[Tensor], answers: Sequence[FloatArray], protocol: Protocol) -> None:
+def _train(learned: Recurrent, tracks: Sequence[Tensor], answers: Sequence[FloatArray]) -> None:
     """Squared error at every frame that has an answer; the whole set is one batch."""
+    network, stride, window = learned.network, learned.stride, learned.protocol.window
     frames = nn.utils.rnn.pad_sequence(list(tracks), batch_first=True)
     wanted = torch.zeros(len(tracks), frames.shape[1], answers[0].shape[1])
     counts = torch.zeros(len(tracks), frames.shape[1], 1)
     for row, answer in enumerate(answers):
-        span = slice(protocol.window - 1, protocol.window - 1 + len(answer))
+        span = slice(window - 1, window - 1 + len(answer))
         wanted[row, span], counts[row, span] = torch.tensor(answer, dtype=torch.float32), 1.0
     noise_scale = torch.full((frames.shape[2],), NOISE)
     optimiser = torch.optim.AdamW(network.parameters(), lr=LEARNING_RATE, weight_decay=WEIGHT_DECAY)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, EPOCHS)
     for _ in range(EPOCHS):
         optimiser.zero_grad()
-        answered = network(frames + noise_scale * torch.randn_like(frames))
-        loss = ((answered - wanted) ** 2 * counts).sum() / (counts.sum() * wanted.shape[2])
+        seen = slice(int(torch.randint(stride, ())), None, stride)
+        answered = network(frames[:, seen] + noise_scale * torch.randn_like(frames[:, seen]))
+        error = ((answered - wanted[:, seen]) ** 2 * counts[:, seen]).sum()
+        loss = error / (counts[:, seen].sum() * wanted.shape[2])
         loss.backward()
         nn.utils.clip_grad_norm_(network.parameters(), 1.0)
         optimiser.step()
