@@ -104,7 +104,10 @@ class BagReader:
         Raises:
             DataError: `undecodable` when the bytes do not hold a message of that type.
         """
+        own = any(connection.msgtype == raw.type_name for connection in self._reader.connections)
         try:
+            if not own:  # a message that was made here, not read from the bag
+                return jazzy_types().deserialize_cdr(raw.data, raw.type_name)
             return self._reader.deserialize(raw.data, raw.type_name)
         except Exception as error:  # as above: foreign bytes
             raise DataError("undecodable", f"{raw.topic} at {raw.time_ns}: {_why(error)}") from None

@@ -7,6 +7,8 @@ the fields of a message (an rclpy or a rosbags one: only attributes are read) an
 
 from __future__ import annotations
 
+import struct
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -14,6 +16,7 @@ from rosbags.interfaces import Nodetype
 
 from mild_ros.bags import jazzy_types
 
+_LITTLE_ENDIAN = b"\x00\x01\x00\x00"
 _TIME = "builtin_interfaces/msg/Time"
 _BYTE_NAMES = ("byte", "char", "octet")
 
@@ -36,6 +39,27 @@ def encode(message: Any, shift_ns: int = 0) -> bytes:
     """
     name = type_name_of(message)
     return bytes(jazzy_types().serialize_cdr(_rebuilt(message, name, shift_ns), name))
+
+
+def restamped(data: bytes, type_name: str, decode: Callable[[], Any], shift_ns: int) -> bytes:
+    """A message with `shift_ns` added to every stamp in it.
+
+    Args:
+        data: Its CDR bytes.
+        type_name: Its type.
+        decode: Reads it; called only when the stamps cannot be found in the bytes.
+        shift_ns: Nanoseconds.
+
+    Returns:
+        CDR bytes. A MarkerArray of a tracker has the same stamp in each marker and takes ten times longer to read
+        and write than to search, so there the stamps are replaced where they lie.
+    """
+    if type_name == "visualization_msgs/msg/MarkerArray" and data[:4] == _LITTLE_ENDIAN and len(data) > 16:
+        count, sec, nanosec = struct.unpack_from("<IiI", data, 4)
+        stamp_ns = sec * 10**9 + nanosec
+        if stamp_ns and data.count(data[8:16]) == count:
+            return data.replace(data[8:16], struct.pack("<iI", *divmod(stamp_ns + shift_ns, 10**9)))
+    return encode(decode(), shift_ns)
 
 
 def _rebuilt(message: Any, type_name: str, shift_ns: int) -> Any:

@@ -44,9 +44,9 @@ def node(
             raise
 
 
-def wait_until(happened: Callable[[], bool], what: str) -> None:
+def wait_until(happened: Callable[[], bool], what: str, seconds: float = DEADLINE_S) -> None:
     """Return as soon as `happened`, fail after the deadline."""
-    deadline = time.monotonic() + DEADLINE_S
+    deadline = time.monotonic() + seconds
     while not happened():
-        assert time.monotonic() < deadline, f"no {what} within {DEADLINE_S:g} s"
+        assert time.monotonic() < deadline, f"no {what} within {seconds:g} s"
         time.sleep(0.02)

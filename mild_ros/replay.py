@@ -1,0 +1,225 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A bag through the pipeline in this process, without DDS: the same bag gives the same bytes, every time.
+
+Replay is a fold over events in order of time: the bag's messages, and ticks of the control clock on a grid that
+begins with the first message. `replay_node.py` sends the same events to nodes and gets the same commands. At equal
+times the tick comes first, because over DDS a message at time t follows the `/clock` message that says t.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+from mild_core.errors import DataError
+from mild_core.perception.skeletons import SkeletonSource
+from mild_core.pipeline import Pipeline, PipelineInput, PipelineOutput, PipelineState
+from mild_core.retargeting.robot import RobotModel
+from mild_core.signals import JointMeasurement
+from mild_ros.bag_writer import BagWriter, create_bag
+from mild_ros.bags import BagReader, RawMessage, open_bag, topic_of_type
+from mild_ros.encoding import encode, type_name_of
+from mild_ros.messages.joint_state import joint_command_to_msg, joint_measurement_from_msg, joint_measurement_to_msg
+from mild_ros.messages.motion import motion_state_to_msg, motion_to_msg
+from mild_ros.messages.skeletons import ADAPTERS, people_from_msg
+
+SKELETON, JOINT_STATES, TICK = "skeleton", "joint_states", ""
+JOINT_STATE_TYPE = "sensor_msgs/msg/JointState"
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happens during a replay.
+
+    Attributes:
+        time_ns: When.
+        input: `SKELETON` or `JOINT_STATES`: the topic our nodes take it on; `TICK` for a tick of the clock.
+        message: What arrives; None for a tick.
+    """
+
+    time_ns: int
+    input: str
+    message: RawMessage | None = None
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What of a bag goes into the pipeline.
+
+    Attributes:
+        source: Tracker convention of its skeletons.
+        skeleton_topic: Their topic in the bag; "" finds it by its type.
+        joint_states: `bag`, `home` (one message says that the robot stands at home), `none`, or `auto`: the bag's if
+            there are any, otherwise home.
+        robot: Whose joints these are.
+    """
+
+    source: SkeletonSource
+    robot: RobotModel
+    skeleton_topic: str = ""
+    joint_states: str = "auto"
+
+    def messages(self, bag: BagReader) -> Iterator[Event]:
+        """The bag's messages that the pipeline takes, in order of time.
+
+        Raises:
+            BagError: The bag has no such topic, or is broken.
+        """
+        skeletons = topic_of_type(bag, ADAPTERS[self.source.message].type_name, self.skeleton_topic)
+        wanted = {skeletons: SKELETON}
+        recorded = "/joint_states" in bag.topics and bag.topics["/joint_states"].count > 0
+        if self.joint_states == "bag" or (self.joint_states == "auto" and recorded):
+            wanted[topic_of_type(bag, JOINT_STATE_TYPE, "joint_states")] = JOINT_STATES
+        at_home = self.joint_states == "home" or (self.joint_states == "auto" and not recorded)
+        for raw in bag.messages(wanted):
+            if at_home:
+                yield Event(raw.time_ns, JOINT_STATES, self._at_home(raw.time_ns))
+                at_home = False
+            yield Event(raw.time_ns, wanted[raw.topic], raw)
+
+    def _at_home(self, time_ns: int) -> RawMessage:
+        message = joint_measurement_to_msg(JointMeasurement(time_ns, self.robot.joint_names, self.robot.home_rad))
+        return RawMessage("/joint_states", JOINT_STATE_TYPE, time_ns, encode(message))
+
+
+def with_ticks(messages: Iterator[Event], rate_hz: float = 100.0) -> Iterator[Event]:
+    """The messages and, between them, ticks on a grid that begins at the first of them."""
+    period_ns = round(1e9 / rate_hz)
+    tick_ns: int | None = None
+    for event in messages:
+        tick_ns = event.time_ns if tick_ns is None else tick_ns
+        while tick_ns <= event.time_ns:
+            yield Event(tick_ns, TICK)
+            tick_ns += period_ns
+        yield event
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One event, what came of it and the state after it.
+
+    Attributes:
+        event: What happened.
+        output: What the pipeline made of it.
+        state: Of the pipeline after it.
+        unreadable: Why its message could not be read; "" when it could.
+    """
+
+    event: Event
+    output: PipelineOutput
+    state: PipelineState
+    unreadable: str = ""
+
+
+@dataclass(frozen=True)
+class ReplaySummary:
+    """What happened in a replay.
+
+    Attributes:
+        commands: How many were sent.
+        motions: How many were inferred.
+        duration_s: From the first message to the last.
+        counts: Events by reason, of each stage; of `messages` those that could not be read.
+        digest: SHA-256 of all commands' bytes: equal for equal replays.
+    """
+
+    commands: int
+    motions: int
+    duration_s: float
+    counts: Mapping[str, Mapping[str, int]]
+    digest: str
+
+
+def fold(bag: BagReader, pipeline: Pipeline, inputs: Inputs, rate_hz: float = 100.0) -> Iterator[Step]:
+    """Every event of a replay and its outcome.
+
+    Raises:
+        BagError: As `Inputs.messages`.
+    """
+    state = pipeline.init()
+    for event in with_ticks(inputs.messages(bag), rate_hz):
+        try:
+            given = _decoded(bag, event, inputs.source)
+        except DataError as error:
+            yield Step(event, PipelineOutput(), state, unreadable=error.reason)
+            continue
+        state, output = pipeline.step(state, given, event.time_ns)
+        yield Step(event, output, state)
+
+
+def replay_in_process(
+    bag_path: Path,
+    pipeline: Pipeline,
+    inputs: Inputs,
+    output_path: Path | None = None,
+    *,
+    rate_hz: float = 100.0,
+    salvage: bool = False,
+    on_step: Callable[[Step], None] = lambda step: None,
+) -> ReplaySummary:
+    """Send a bag through the pipeline and write inputs, motions and commands to a new bag.
+
+    Args:
+        bag_path: The bag.
+        pipeline: Perception, inference and retargeting.
+        inputs: What of the bag goes into it.
+        output_path: Folder of the new bag; None writes none.
+        rate_hz: Of the control clock.
+        salvage: Read what is readable of a broken bag.
+        on_step: Called with each step, for progress and for what a caller wants to keep.
+
+    Raises:
+        BagError: The bag cannot be read, or the new one not written.
+    """
+    digest, unreadable, commands, motions = hashlib.sha256(), Counter[str](), 0, 0
+    first_ns = last_ns = 0
+    state = pipeline.init()
+    with ExitStack() as stack:
+        bag = stack.enter_context(open_bag(bag_path, salvage=salvage))
+        written = stack.enter_context(create_bag(output_path)) if output_path else None
+        for step in fold(bag, pipeline, inputs, rate_hz):
+            first_ns, last_ns, state = first_ns or step.event.time_ns, step.event.time_ns, step.state
+            if step.unreadable:
+                unreadable[step.unreadable] += 1
+            encoded = [encode(joint_command_to_msg(command)) for command in step.output.commands]
+            for data in encoded:
+                digest.update(data)
+            commands, motions = commands + len(encoded), motions + len(step.output.motions)
+            if written:
+                _write(written, step, encoded, pipeline.inference.model.manifest.interactions)
+            on_step(step)
+    counts = {stage: getattr(state, stage).counts for stage in ("perception", "inference", "retargeting")}
+    counts["messages"] = dict(unreadable)
+    return ReplaySummary(commands, motions, (last_ns - first_ns) * 1e-9, counts, digest.hexdigest())
+
+
+def _write(bag: BagWriter, step: Step, commands: list[bytes], interactions: tuple[str, ...]) -> None:
+    time_ns, message = step.event.time_ns, step.event.message
+    if message is not None:
+        bag.write(f"/{step.event.input}", message.type_name, time_ns, message.data)
+    for motion in step.output.motions:
+        for topic, told in (
+            ("/motion", motion_to_msg(motion)),
+            ("/motion_state", motion_state_to_msg(motion, interactions)),
+        ):
+            bag.write(topic, type_name_of(told), time_ns, encode(told))
+    for data in commands:
+        bag.write("/joint_command", JOINT_STATE_TYPE, time_ns, data)
+
+
+def _decoded(bag: BagReader, event: Event, source: SkeletonSource) -> PipelineInput:
+    """The event's message as the pipeline takes it.
+
+    Raises:
+        DataError: It cannot be read.
+    """
+    if event.message is None:
+        return None
+    message = bag.decode(event.message)
+    if event.input == JOINT_STATES:
+        return joint_measurement_from_msg(message)
+    return people_from_msg(message, source, event.time_ns)

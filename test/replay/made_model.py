@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A model folder with random weights, so that replay is tested whatever has been trained."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from mild_core.inference.manifest import Manifest
+from mild_core.inference.model import save_model
+from mild_core.retargeting.robots import ROBOTS
+from mild_core.shapes import FloatArray
+from mild_ros.scenes import SCENES, arm_track
+from test.core.inference.random_model import manifest, paper_member, random_arrays
+
+
+def save_random_model(folder: Path) -> Path:
+    """A model of the paper's shape that knows the arm of our scenes and moves the robot about its home."""
+    of = manifest((paper_member(),), components=6)
+    arrays = random_arrays(of)
+    windows = np.concatenate([_windows(arm_track(scene, of.rate_hz), of) for scene in SCENES])
+    arrays["member_0.encoder.input.mean"] = windows.mean(axis=0)
+    arrays["member_0.encoder.input.scale"] = windows.std(axis=0) + 0.05
+    arrays["member_0.decoder.output.mean"] = np.tile(ROBOTS["yumi"].home_rad, of.window)
+    arrays["member_0.decoder.output.scale"] = np.full(of.controlled.values * of.window, 1.0)
+    arrays["member_0.latent_radius"] = np.full(len(of.interactions), 100.0)  # everything is known
+    save_model(folder, of, arrays, "# Random\n\nNot trained.\n")
+    return folder
+
+
+def _windows(arm: FloatArray, of: Manifest) -> FloatArray:
+    """(N, W D) of an arm with unit bones, given those of the model."""
+    bones = np.diff(arm, axis=1) * np.array(of.observed.bone_lengths_m)[:, None]
+    joints = np.concatenate([arm[:, :1], arm[:, :1] + np.cumsum(bones, axis=1)], axis=1)
+    return np.stack([joints[i : i + of.window].ravel() for i in range(len(joints) - of.window)])

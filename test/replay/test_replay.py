@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Replay in process is deterministic, and nodes over DDS give the same commands, in one process or in three."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import JointState
+
+from mild_core.perception.skeletons import SOURCES
+from mild_core.pipeline import Pipeline
+from mild_core.retargeting.robots import ROBOTS
+from mild_ros.assembly.inference import load
+from mild_ros.assembly.pipeline import make_pipeline
+from mild_ros.bag_writer import create_bag
+from mild_ros.bags import open_bag
+from mild_ros.encoding import encode
+from mild_ros.replay import TICK, Inputs, ReplaySummary, fold, replay_in_process, with_ticks
+from mild_ros.scenes import SCENES, write_scene
+from mild_ros.settings import PipelineParameters
+from test.replay.made_model import save_random_model
+from test.replay.processes import node, wait_until
+
+INTERACTION = "hand_shake"
+"""Told, not recognised: a model with random weights recognises nothing."""
+
+INPUTS = Inputs(SOURCES["azure_kinect"], ROBOTS["yumi"])
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return save_random_model(tmp_path_factory.mktemp("models") / "random")
+
+
+@pytest.fixture(scope="module")
+def pipeline(model: Path) -> Pipeline:
+    parameters = PipelineParameters(model=str(model), interaction=INTERACTION)
+    return make_pipeline(parameters, load(parameters.model))
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The first six seconds of a handshake: calibration, the first window, the hand is offered and shaken."""
+    whole, cut = tmp_path_factory.mktemp("bags") / "whole", tmp_path_factory.mktemp("bags") / "cut"
+    write_scene(next(scene for scene in SCENES if scene.name == "handshake"), whole)
+    with open_bag(whole) as bag, create_bag(cut) as shorter:
+        messages = list(bag.messages())
+        for raw in messages:
+            if raw.time_ns - messages[0].time_ns < 6_000_000_000:
+                shorter.write(raw.topic, raw.type_name, raw.time_ns, raw.data)
+    return cut
+
+
+@pytest.fixture(scope="module")
+def in_process(scene: Path, pipeline: Pipeline, tmp_path_factory: pytest.TempPathFactory) -> tuple[ReplaySummary, Path]:
+    output = tmp_path_factory.mktemp("replayed") / "out"
+    return replay_in_process(scene, pipeline, INPUTS, output), output
+
+
+def command_bytes(path: Path) -> list[bytes]:
+    with open_bag(path) as bag:
+        return [raw.data for raw in bag.messages(["/joint_command"])]
+
+
+def test_the_same_bag_gives_the_same_bytes(
+    scene: Path, pipeline: Pipeline, in_process: tuple[ReplaySummary, Path], tmp_path: Path
+) -> None:
+    first, output = in_process
+    second = replay_in_process(scene, pipeline, INPUTS, tmp_path / "again")
+    assert first == second
+    assert command_bytes(output) == command_bytes(tmp_path / "again")
+    assert hashlib.sha256(b"".join(command_bytes(output))).hexdigest() == first.digest
+    assert first.commands == len(command_bytes(output)) > 500
+    assert first.counts["retargeting"]["accepted"] > 50, "the robot follows, so equal commands mean something"
+
+
+def test_every_message_is_accounted_for(in_process: tuple[ReplaySummary, Path], scene: Path) -> None:
+    summary, output = in_process
+    with open_bag(scene) as bag:
+        skeletons = bag.topics["/body_tracking_data"].count
+    perception = summary.counts["perception"]
+    assert perception["calibrating"] + perception["accepted"] == skeletons
+    with open_bag(output) as bag:
+        assert bag.topics["/skeleton"].count == skeletons
+        assert bag.topics["/motion"].count == bag.topics["/motion_state"].count == summary.motions
+
+
+def test_unreadable_messages_are_counted_and_passed_over(scene: Path, pipeline: Pipeline, tmp_path: Path) -> None:
+    with open_bag(scene) as bag, create_bag(tmp_path / "bag") as broken:
+        for index, raw in enumerate(bag.messages()):
+            data = raw.data[:100] if index % 20 == 10 else raw.data
+            broken.write(raw.topic, raw.type_name, raw.time_ns, data)
+    summary = replay_in_process(tmp_path / "bag", pipeline, INPUTS)
+    assert summary.counts["messages"] == {"undecodable": 9}
+    assert summary.commands > 500
+
+
+def test_ticks_lie_on_a_grid_from_the_first_message_and_come_before_messages(scene: Path) -> None:
+    with open_bag(scene) as bag:
+        events = list(with_ticks(INPUTS.messages(bag)))
+    ticks = [event.time_ns for event in events if event.input == TICK]
+    assert ticks == list(range(events[0].time_ns, events[-1].time_ns + 1, 10_000_000))
+    assert all(a.time_ns <= b.time_ns for a, b in itertools.pairwise(events))
+    assert [event.input for event in events[:3]] == [TICK, "joint_states", "skeleton"]
+
+
+def test_without_joint_states_the_robot_is_taken_to_stand_at_home(
+    scene: Path, pipeline: Pipeline, in_process: tuple[ReplaySummary, Path], tmp_path: Path
+) -> None:
+    with open_bag(scene) as bag, create_bag(tmp_path / "bag") as bare:
+        for raw in bag.messages(["/body_tracking_data"]):
+            bare.write(raw.topic, raw.type_name, raw.time_ns, raw.data)
+    assert replay_in_process(tmp_path / "bag", pipeline, INPUTS).digest == in_process[0].digest
+
+
+def test_a_replay_can_be_followed_step_by_step(
+    scene: Path, pipeline: Pipeline, in_process: tuple[ReplaySummary, Path]
+) -> None:
+    with open_bag(scene) as bag:
+        commands = [command for step in fold(bag, pipeline, INPUTS) for command in step.output.commands]
+    assert len(commands) == in_process[0].commands
+    assert {command.mode for command in commands} == {"idle", "following"}
+
+
+class Listener(Node):
+    """Keeps every command."""
+
+    def __init__(self) -> None:
+        super().__init__("listener")
+        self.commands: list[JointState] = []
+        self.create_subscription(JointState, "joint_command", self.commands.append, QoSProfile(depth=5000))
+
+
+@pytest.fixture
+def listener(ros_domain: int) -> Iterator[Listener]:
+    rclpy.init()
+    listener = Listener()
+    yield listener
+    listener.destroy_node()
+    rclpy.try_shutdown()
+
+
+STAGES = {"pipeline": ("pipeline",), "three nodes": ("perception", "inference", "retargeting")}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("nodes", list(STAGES.values()), ids=list(STAGES))
+def test_two_roads_give_the_same_commands(
+    nodes: tuple[str, ...], scene: Path, model: Path, in_process: tuple[ReplaySummary, Path], listener: Listener
+) -> None:
+    executor = SingleThreadedExecutor()
+    executor.add_node(listener)
+    expected = command_bytes(in_process[1])
+    with ExitStack() as stack:
+        for name in nodes:
+            parameters = {"report_handled": True, "use_sim_time": True}
+            parameters |= {"model": model} if name != "retargeting" else {}
+            parameters |= {"interaction": INTERACTION} if name in ("pipeline", "inference") else {}
+            stack.enter_context(node(name, parameters))
+        wait_until(lambda: listener.count_publishers("joint_command") > 0, "publisher of joint_command")
+        replaying = {"bag": scene, "mode": "lock_step", "reporters": len(nodes)}
+        replay = stack.enter_context(node("replay", replaying))
+
+        def complete() -> bool:
+            executor.spin_once(timeout_sec=0.01)
+            return len(listener.commands) >= len(expected)
+
+        wait_until(complete, f"{len(expected)} commands", seconds=180.0)
+        output, errors = replay.communicate(timeout=60)
+    assert replay.returncode == 0, output + errors
+    same_bits(listener.commands, expected)
+
+
+def same_bits(commands: list[JointState], expected: list[bytes]) -> None:
+    """Names, stamps, positions and velocities are equal to the last bit."""
+    assert len(commands) == len(expected)
+    for index, (command, data) in enumerate(zip(commands, expected, strict=True)):
+        assert encode(command) == data, f"command {index}"
+    moved = np.ptp([command.position for command in commands], axis=0)
+    assert moved.max() > 0.05, "the robot moved"
