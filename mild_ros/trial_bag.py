@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A trial of a dataset as a bag: a tracker's messages for the person, and what the robot did in truth.
+
+Such a bag holds a recording, so it is made where it is needed and never shipped.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from mild_core.perception.skeletons import SOURCES
+from mild_core.retargeting.robot import RobotModel
+from mild_core.shapes import FloatArray, require_shape
+from mild_core.signals import JointMeasurement
+from mild_ros.bag_writer import create_bag
+from mild_ros.encoding import encode, type_name_of
+from mild_ros.messages.joint_state import joint_measurement_to_msg
+from mild_ros.messages.marker_array import people_to_marker_array
+from mild_ros.simulation.person import bodies, skeleton_frames, with_neutral_second
+from mild_ros.viewing.recorded import TRUE_MOTION
+
+START_NS = 1_600_000_000_000_000_000
+NEUTRAL_S = 1.2
+"""The first pose is held for a little longer than the second that calibration needs."""
+
+
+def write_trial(
+    folder: Path, observed_m: FloatArray, robot: RobotModel, controlled_rad: FloatArray, rate_hz: float
+) -> None:
+    """Write the bag of a trial into `folder`, which must not exist.
+
+    Args:
+        folder: Of the bag.
+        observed_m: (T, 3, 3) shoulder, elbow, hand in the arm frame [m].
+        robot: Whose joints these are.
+        controlled_rad: (T, J) what it did, in the robot's order of joints.
+        rate_hz: Of both.
+
+    Raises:
+        BagError: The bag cannot be written.
+    """
+    require_shape("controlled_rad", controlled_rad, (len(observed_m), len(robot.joint_names)))
+    person = bodies(with_neutral_second(np.asarray(observed_m), rate_hz, NEUTRAL_S))
+    truth = with_neutral_second(np.asarray(controlled_rad), rate_hz, NEUTRAL_S)
+    with create_bag(folder) as bag:
+        first = joint_measurement_to_msg(JointMeasurement(START_NS, robot.joint_names, robot.home_rad))
+        bag.write("/joint_states", type_name_of(first), START_NS, encode(first))
+        for frame, positions in zip(skeleton_frames(person, rate_hz, START_NS), truth, strict=True):
+            message = people_to_marker_array((frame,), SOURCES["azure_kinect"])
+            bag.write("/skeleton", type_name_of(message), frame.stamp_ns, encode(message))
+            true = joint_measurement_to_msg(JointMeasurement(frame.stamp_ns, robot.joint_names, positions))
+            bag.write(TRUE_MOTION, type_name_of(true), frame.stamp_ns, encode(true))

@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The person in the robot's base frame: where the model was taught that people stand, so that hands meet."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mild_core.inference.manifest import Manifest
+from mild_core.perception.calibration import Calibration
+from mild_core.perception.stage import Perception
+from mild_core.shapes import FloatArray
+from mild_core.signals import MotionWindow, SkeletonFrame
+from mild_ros.viewing.body import NEEDED, Places
+
+FEET_M = 0.06
+"""How far below the ankles and toes of a skeleton the floor is."""
+
+SMALLEST, LARGEST = 0.7, 1.4
+"""A person is not drawn smaller or larger than this for their arm to have the model's length."""
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """From the tracker's axes to the robot's base frame.
+
+    Attributes:
+        calibration: The person's arm frame.
+        rotation: (3, 3) robot from arm frame.
+        translation_m: (3,) the calibration shoulder in the robot's base frame.
+        scale: The person is drawn so much larger, for the arm to reach what it reached in training.
+    """
+
+    calibration: Calibration
+    rotation: FloatArray
+    translation_m: FloatArray
+    scale: float = 1.0
+
+    def places(self, person: SkeletonFrame) -> Places:
+        """Joint name to (3,) metres in the robot's base frame."""
+        turned = (person.positions_m - self.calibration.shoulder_m) @ self.calibration.arm_from_source.T
+        placed = self.scale * turned @ self.rotation.T + self.translation_m
+        return dict(zip(person.joint_names, placed, strict=True))
+
+
+def find_calibration(perception: Perception, people: Sequence[SkeletonFrame]) -> Calibration | None:
+    """The calibration that perception comes to on these frames; None when the person never stands still."""
+    state = perception.init()
+    for person in people:
+        state, _ = perception.step(state, (person,), person.stamp_ns)
+        if state.calibration is not None:
+            return state.calibration
+    return None
+
+
+def place_person(calibration: Calibration, manifest: Manifest, interaction: str) -> Placement:
+    """Where the person stands for an interaction; "" for one place that suits all."""
+    standing = manifest.robot_from_human
+    translation = getattr(standing, "by_interaction", {}).get(interaction, standing.translation_m)
+    arm_m = sum(getattr(standing, "arm_lengths_m", ()) or calibration.bone_lengths_m)
+    scale = float(np.clip(arm_m / sum(calibration.bone_lengths_m), SMALLEST, LARGEST))
+    cosine, sine = np.cos(standing.yaw_rad), np.sin(standing.yaw_rad)
+    rotation = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    return Placement(calibration, rotation, np.asarray(translation, dtype=np.float64), scale)
+
+
+def main_interaction(motions: Sequence[MotionWindow]) -> str:
+    """The interaction that was recognised with most certainty over the run; "" when none was."""
+    total: dict[str, float] = {}
+    for motion in motions:
+        if motion.interaction:
+            total[motion.interaction] = total.get(motion.interaction, 0.0) + motion.probability * motion.phase
+    return max(total, key=lambda name: total[name], default="")
+
+
+def floor_height(frames: Sequence[Places]) -> float:
+    """Height of the floor under the person's feet [m, robot's base frame]."""
+    feet = [min(at[name][2] for name in at if name.endswith(("_ankle", "_foot"))) for at in frames]
+    return float(np.median(feet)) - FEET_M if feet else -0.8
+
+
+def is_whole(person: SkeletonFrame) -> bool:
+    """Whether a body can be drawn: every joint is there and somewhere."""
+    return set(person.joint_names) >= NEEDED and bool(np.isfinite(person.positions_m).all())
