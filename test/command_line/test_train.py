@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`mild train`: a folder that loads, answers and says what it is; and one line for what cannot be learned."""
+
+import json
+
+import numpy as np
+import pytest
+
+from mild_core.inference.model import load_model
+from test.command_line.test_main import run
+from test.core.learning.test_buetepage_hr import one_hot, write
+
+QUICK = ("--epochs", "2", "--members", "1")
+
+
+def smooth_track(index, frames):
+    """16 columns that move like arms do: slowly, and a little differently in each trial."""
+    rng = np.random.default_rng(index)
+    times = np.linspace(0, 2 * np.pi, frames)[:, None]
+    moving = 0.2 * np.sin(times + rng.uniform(0, 0.5, 16)) * rng.uniform(0.5, 1.0, 16)
+    moving[:, :9] += np.array([0, 0, 0, 0.02, 0, -0.18, 0.05, 0, -0.4])
+    return moving
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
+    tracks = [smooth_track(index, 120 + index) for index in range(8)]
+    labels = [one_hot(index // 2, 120 + index) for index in range(8)]
+    return write(tmp_path_factory.mktemp("data") / "a.npz", tracks, labels)
+
+
+def table(path, protocol):
+    row = {
+        "method": "mild",
+        "title": "MILD, ours",
+        "labels": "given",
+        "macro_mean": 0.0444,
+        "macro_std": 0.001,
+        "rmse_deg": 11.0,
+        "windows": 100,
+        "relative": {},
+        "interactions": {},
+        "residual_covariance": (0.03 * np.eye(7)).tolist(),
+    }
+    about = {"protocol": protocol, "dataset": "buetepage_hr", "folds": 4, "seeds": 3, "date": "2025-01-02"}
+    path.write_text(json.dumps({**about, "methods": [row]}))
+    return path
+
+
+def test_a_trained_folder_loads_and_carries_measured_errors(data, tmp_path, capsys):
+    errors = table(tmp_path / "cv.json", "ahead")
+    out = tmp_path / "made"
+    assert (
+        run("train", "--preset", "ahead", "--data", str(data), "--out", str(out), "--errors", str(errors), *QUICK) == 0
+    )
+    told = capsys.readouterr()
+    assert f"written: {out}" in told.out
+    assert "network 1/1 epoch 2" in told.err
+    model = load_model(out)
+    manifest = model.manifest
+    assert (manifest.name, manifest.protocol, manifest.lead_frames) == ("made", "ahead", 1)
+    assert manifest.training["trials"] == 8
+    assert manifest.errors["cross_validation"]["rows"][0]["macro_mean"] == 0.0444
+    np.testing.assert_allclose(model.residual_covariance, 0.03 * np.eye(7))
+    assert set(manifest.robot_from_human.by_interaction) == {"handshake", "rocket", "parachute"}
+    card = (out / "REPORT.md").read_text()
+    assert "0.0444 ± 0.0010" in card
+    assert "mild train --preset ahead" in card
+    assert run("evaluate", "--model", str(out), "--data", str(data), "--json") == 0
+    assert json.loads(capsys.readouterr().out)["windows"] == sum(120 + index - 79 for index in range(8))
+
+
+def test_a_folder_without_measured_errors_says_so(data, tmp_path):
+    out = tmp_path / "made"
+    assert run("train", "--preset", "same", "--data", str(data), "--out", str(out), *QUICK) == 0
+    assert "Not measured." in (out / "REPORT.md").read_text()
+    assert load_model(out).manifest.training["residual_covariance"] == "training trials: too small"
+
+
+def test_errors_of_another_protocol_are_refused(data, tmp_path, capsys):
+    errors = table(tmp_path / "cv.json", "same")
+    options = ("--preset", "ahead", "--data", str(data), "--out", str(tmp_path / "made"), "--errors", str(errors))
+    assert run("train", *options, *QUICK) == 2
+    assert "holds protocol 'same'" in capsys.readouterr().err
+    assert not (tmp_path / "made").exists()
+
+
+@pytest.mark.parametrize("content", ["{", "[]", '{"methods": 3}'])
+def test_a_table_that_is_none_is_refused_in_one_line(data, tmp_path, content, capsys):
+    (tmp_path / "cv.json").write_text(content)
+    options = ("--data", str(data), "--out", str(tmp_path / "made"), "--errors", str(tmp_path / "cv.json"))
+    assert run("train", *options, *QUICK) == 2
+    told = capsys.readouterr().err
+    assert "is no table of a cross-validation" in told
+    assert told.count("\n") == 1
+
+
+def test_wrong_names_and_an_unwritable_folder_are_refused_before_training(data, tmp_path, capsys):
+    (tmp_path / "file").write_text("")
+    for options, said in (
+        (("--preset", "smae", "--out", str(tmp_path / "made")), "did you mean 'same'"),
+        (("--dataset", "x", "--out", str(tmp_path / "made")), "'x' is unknown"),
+        (("--out", str(tmp_path / "file")), "File exists"),
+    ):
+        assert run("train", "--data", str(data), *options, *QUICK) == 2
+        assert said in capsys.readouterr().err
