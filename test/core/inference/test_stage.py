@@ -1,0 +1,284 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The stage against the same steps taken one by one with the public parts, and what it does with a bad stream."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+from mild_core.errors import SetupError
+from mild_core.inference.gaussian import Gaussian
+from mild_core.inference.mixing import NEGLIGIBLE_WEIGHT
+from mild_core.inference.model import build_model
+from mild_core.inference.motion_model import MildModel
+from mild_core.inference.priors.chain import run_filter
+from mild_core.inference.stage import Inference
+from mild_core.signals import FeatureWindow
+from test.core.inference.random_model import INTERACTIONS, manifest, paper_member, random_arrays, recurrent_member
+
+PERIOD_NS = 25_000_000
+JOINTS = ("shoulder", "elbow", "hand")
+
+# The stage and the composition below run the same float32 networks; a latent differs by the order of a float64 sum,
+# and is then rounded to float32, at most one unit in its last place: some 1e-7 of values of order one.
+CLOSE = 2e-6
+
+
+def windows(count, seed=0, first_ns=1_000_000_000, step=1):
+    rng = np.random.default_rng(seed)
+    track = np.cumsum(rng.normal(0.0, 0.02, (40 + count * step, 9)), axis=0)
+    return [
+        FeatureWindow(first_ns + i * step * PERIOD_NS, "arm", JOINTS, track[i * step : i * step + 40])
+        for i in range(count)
+    ]
+
+
+def run(stage, stream, state=None):
+    state, answers = state or stage.init(), []
+    for window in stream:
+        state, motions = stage.step(state, window, 0)
+        answers.extend(motions)
+    return state, answers
+
+
+def posterior(outputs, size=5):
+    mean, factor = outputs[:size].astype(np.float64), np.zeros((size, size))
+    factor[np.tril_indices(size)] = outputs[size:]
+    factor[np.diag_indices(size)] = 2.0 * abs(np.diagonal(factor)) + 1e-4
+    return mean, factor @ factor.T
+
+
+class ByHand:
+    """One copy of one member, given an interaction, from the public parts: networks and priors."""
+
+    def __init__(self, model: MildModel, index: int, interaction: int) -> None:
+        self.member, self.number = model.members[index], interaction
+        self.prior = self.member.priors[interaction]
+        self.belief, self.label = self.prior.initial_belief(), np.eye(len(INTERACTIONS))[interaction]
+        context = self.member.networks.get("context")
+        self.memory = context.first_memory() if context else None
+
+    def run(self, name, values, memory=None):
+        network = self.member.networks[name]
+        taken = np.concatenate([np.asarray(values[source]).ravel() for source in self.member.inputs[name]])
+        return network.run(taken.astype(np.float32), network.first_memory() if memory is None else memory)
+
+    def step(self, window):
+        values = {"window": window.features, "label": self.label, "frame": window.features[-1]}
+        networks = self.member.networks
+        if "context" in networks:
+            values["context"], self.memory = self.run("context", values, self.memory)
+        values["observed"], covariance = posterior(self.run("encoder", values)[0])
+        self.belief = self.prior.update(self.belief, values["observed"], covariance)
+        weights, explanation = self.belief.weights, self.prior.explain(values["observed"], covariance)
+        score = explanation.distances.min() / self.member.latent_radius[self.number]
+        if "gate" in networks:
+            weights = weights * np.exp(self.run("gate", values | {"belief": weights})[0])
+            weights = weights / weights.sum()
+        latent = weights @ explanation.conditioned.mean
+        centre = latent
+        if "residual" in networks:
+            latent = latent + self.run("residual", values)[0]
+        if "distance" in networks:
+            code = self.run("distance", values)[0]
+            apart = np.linalg.norm(code - self.member.centres, axis=1) / self.member.radii
+            score = max(score, apart.min())
+        motion = self.run("decoder", values | {"controlled": latent, "belief": weights})[0].reshape(40, 7)
+        return motion, weights, self.spread(weights, explanation.conditioned, centre), score
+
+    def spread(self, weights, conditioned: Gaussian, centre):
+        apart = conditioned.mean - centre
+        second = conditioned.covariance + apart[:, :, None] * apart[:, None, :]
+        operators = self.member.operators[self.number].reshape(len(weights), 7, 7, -1)
+        weights = np.where(weights < NEGLIGIBLE_WEIGHT, 0.0, weights)
+        return np.einsum("k,kabs,ks->ab", weights, operators, second.reshape(len(weights), -1))
+
+
+def test_a_given_interaction_is_the_paper_s_algorithm_step_by_step(paper_model):
+    by_hand = ByHand(paper_model, 0, 2)
+    state, answers = run(Inference(paper_model, "rocket"), windows(30))
+    for window, answer in zip(windows(30), answers, strict=True):
+        motion, weights, spread, score = by_hand.step(window)
+        np.testing.assert_allclose(answer.positions, motion, atol=CLOSE)
+        np.testing.assert_allclose(answer.belief, weights, atol=CLOSE)
+        np.testing.assert_allclose(answer.covariance, spread + paper_model.residual_covariance, atol=CLOSE)
+        assert answer.out_of_distribution == pytest.approx(score, abs=CLOSE)
+        assert answer.phase == pytest.approx(weights @ by_hand.prior.phases, abs=CLOSE)
+        assert (answer.interaction, answer.probability) == ("rocket", 1.0)
+        assert (answer.stamp_ns, answer.lead_ns, answer.period_ns) == (window.stamp_ns, PERIOD_NS, PERIOD_NS)
+    assert state.counts["accepted"] == 30
+
+
+def test_copies_take_turns_and_members_are_averaged(full_model):
+    """Two members, each with a context, gate, residual and distance; with a stride of two, two copies of each."""
+    copies = [[ByHand(full_model, member, 1) for member in range(2)] for _ in range(2)]
+    _, answers = run(Inference(full_model, "hand_shake"), windows(20))
+    for index, (window, answer) in enumerate(zip(windows(20), answers, strict=True)):
+        parts = [member.step(window) for member in copies[index % 2]]
+        motions, weights, spreads, scores = (np.array(column) for column in zip(*parts, strict=True))
+        np.testing.assert_allclose(answer.positions, motions.mean(axis=0), atol=CLOSE)
+        np.testing.assert_allclose(answer.belief, weights.mean(axis=0), atol=CLOSE)
+        apart = (motions - motions.mean(axis=0)).reshape(-1, 7)
+        expected = spreads.mean(axis=0) + apart.T @ apart / len(apart) + full_model.residual_covariance
+        np.testing.assert_allclose(answer.covariance, expected, atol=CLOSE)
+        assert answer.out_of_distribution == pytest.approx(scores.mean(), abs=CLOSE)
+
+
+def test_covariance_is_a_covariance(full_model):
+    _, answers = run(Inference(full_model, "auto"), windows(10))
+    for answer in answers:
+        np.testing.assert_allclose(answer.covariance, answer.covariance.T, atol=1e-12)  # Sums in another order.
+        assert (
+            np.linalg.eigvalsh(answer.covariance).min() >= 0.01 - 1e-9
+        )  # At least the residual, 0.01 on its diagonal.
+
+
+def test_a_context_of_frames_runs_over_the_first_window_and_then_frame_by_frame():
+    """The memory after some windows is that of one pass over all frames, however they were cut into windows."""
+    member = recurrent_member()
+    frame = member["context"].layers[2]
+    member["context"] = type(member["context"])(("frame",), (type(frame)("gru", "memory", 9, 16),))
+    of = manifest((member,), components=4)
+    model = build_model(of, random_arrays(of, 5))
+    stream = windows(12)
+    state, _ = run(Inference(model, "rocket"), stream)
+    network = model.members[0].networks["context"]
+    memory = network.first_memory()
+    for row in [*stream[0].features, *(window.features[-1] for window in stream[1:])]:
+        _, memory = network.run(row.astype(np.float32), memory)
+    np.testing.assert_array_equal(state.copies[0].members[0].context, memory)
+    skipped, _ = run(Inference(model, "rocket"), [stream[0], *stream[5:]])
+    np.testing.assert_array_equal(skipped.copies[0].members[0].context, memory)
+    assert skipped.counts == {"accepted": 8, "missed": 4}
+
+
+def test_the_same_windows_give_the_same_bits_and_states_are_values(full_model):
+    stage = Inference(full_model)
+    middle, _ = run(stage, windows(15))
+    first, second = (run(stage, windows(30)[15:], middle) for _ in range(2))
+    for one, other in zip(first[1], second[1], strict=True):
+        for part in fields(one):
+            np.testing.assert_array_equal(getattr(one, part.name), getattr(other, part.name))
+    assert first[0].counts == second[0].counts
+    with pytest.raises(ValueError, match="read-only"):
+        first[0].copies[0].members[0].memory[0] = 1.0
+
+
+def test_the_layout_of_a_window_in_memory_changes_nothing(paper_model):
+    stage, stream = Inference(paper_model, "rocket"), windows(3)
+    turned = [FeatureWindow(w.stamp_ns, "arm", JOINTS, np.asfortranarray(w.features)) for w in stream]
+    for one, other in zip(run(stage, stream)[1], run(stage, turned)[1], strict=True):
+        np.testing.assert_array_equal(one.positions, other.positions)
+
+
+def with_nan(window):
+    features = window.features.copy()
+    features[7, 3] = np.nan
+    return FeatureWindow(window.stamp_ns, "arm", JOINTS, features)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "outcome"),
+    [
+        (with_nan, "not_finite"),
+        (lambda w: FeatureWindow(w.stamp_ns, "arm", ("elbow", "shoulder", "hand"), w.features), "wrong_joints"),
+        (lambda w: FeatureWindow(w.stamp_ns, "arm", JOINTS, w.features[1:]), "wrong_shape"),
+        (lambda w: FeatureWindow(w.stamp_ns - PERIOD_NS, "arm", JOINTS, w.features), "duplicate"),
+    ],
+)
+def test_an_unusable_window_is_counted_and_leaves_no_trace(full_model, spoil, outcome):
+    stage, stream = Inference(full_model), windows(8)
+    before, _ = run(stage, stream[:4])
+    after, motions = stage.step(before, spoil(stream[4]), 0)
+    assert motions == ()
+    assert after.outcome == outcome
+    assert after.detail
+    assert after.counts == before.counts | {outcome: 1}
+    smooth, disturbed = run(stage, stream[4:], before)[1], run(stage, stream[4:], after)[1]
+    for one, other in zip(smooth, disturbed, strict=True):
+        np.testing.assert_array_equal(one.positions, other.positions)
+
+
+@pytest.mark.parametrize(
+    ("jump_ns", "event"), [(-100 * PERIOD_NS, "time_reset"), (-1, "time_reset"), (41 * PERIOD_NS, "gap_reset")]
+)
+def test_a_jump_in_time_starts_anew(full_model, jump_ns, event):
+    stage = Inference(full_model)
+    before, _ = run(stage, windows(10))
+    later = windows(5, seed=3, first_ns=before.stamp_ns + jump_ns)
+    after, answers = run(stage, later, before)
+    _, fresh = run(stage, later)
+    for one, other in zip(answers, fresh, strict=True):
+        np.testing.assert_array_equal(one.positions, other.positions)
+    assert after.counts == before.counts | {"accepted": 15, event: 1}
+
+
+def test_missed_windows_pass_as_time(paper_model):
+    stage, stream = Inference(paper_model, "rocket"), windows(10)
+    state, answers = run(stage, [*stream[:3], *stream[6:]])
+    assert state.counts["missed"] == 3
+    prior, network = paper_model.members[0].priors[2], paper_model.members[0].networks["encoder"]
+    latents = [posterior(network.run(w.features.ravel().astype(np.float32), network.first_memory())[0]) for w in stream]
+    belief = prior.initial_belief()
+    for latent, covariance in latents[:3]:
+        belief = prior.update(belief, latent, covariance)
+    blank = np.zeros((4, prior.chain.components))
+    blank[3] = prior.explain(*latents[6]).log_emissions
+    after = run_filter(prior.chain, blank, belief.memory.copy(), prior.restart)
+    np.testing.assert_allclose(answers[3].belief, after.weights[3], atol=CLOSE)
+
+
+def test_an_unknown_interaction_lists_the_known_ones(paper_model):
+    with pytest.raises(SetupError, match="did you mean 'hand_wave'") as caught:
+        Inference(paper_model, "hand_waive")
+    assert "parachute" in str(caught.value)
+
+
+def test_motion_that_underflows_everywhere_is_told_and_says_nothing_of_the_interaction():
+    of = manifest((paper_member(hidden=(20, 12)),), components=4)
+    arrays = random_arrays(of)
+    # An encoder that is always sure: random ones get less sure the farther away they look.
+    arrays["member_0.encoder.hidden_2.weight"][:, 5:] = 0.0
+    arrays["member_0.encoder.hidden_2.bias"][5:] = 0.1
+    for interaction in ("rocket", "auto"):
+        stage = Inference(build_model(of, arrays), interaction)
+        state, _ = run(stage, windows(5))
+        far = FeatureWindow(state.stamp_ns + PERIOD_NS, "arm", JOINTS, np.full((40, 9), 1e4))
+        after, (motion,) = stage.step(state, far, 0)
+        assert motion.out_of_distribution >= 2.0
+        assert motion.interaction == ("rocket" if interaction == "rocket" else "")
+        assert after.counts["unknown"] == 1 + state.counts.get("unknown", 0)
+        assert np.isfinite(motion.positions).all()
+        np.testing.assert_array_equal(after.recognition.evidence, state.recognition.evidence)
+
+
+def test_motion_far_from_all_centres_is_told(full_model):
+    stage = Inference(full_model, "rocket")
+    state, _ = run(stage, windows(5))
+    far = FeatureWindow(state.stamp_ns + PERIOD_NS, "arm", JOINTS, np.full((40, 9), 1e3))
+    _, (motion,) = stage.step(state, far, 0)
+    assert motion.out_of_distribution > 10.0
+
+
+def test_evidence_names_the_interaction_whose_motion_it_is():
+    """Four priors at four places of the latent, and a person at the third."""
+    of = manifest((paper_member(hidden=(20, 12)),), components=4)
+    arrays, stream = random_arrays(of), windows(40)
+    model = build_model(of, arrays)
+    network = model.members[0].networks["encoder"]
+    latents = np.array(
+        [posterior(network.run(w.features.ravel().astype(np.float32), network.first_memory())[0])[0] for w in stream]
+    )
+    for index, name in enumerate(INTERACTIONS):
+        place = np.concatenate([latents.mean(axis=0), np.zeros(5)])
+        place[0] += 3.0 * (index - 2)
+        arrays[f"member_0.prior.{name}.means"] = np.tile(place, (4, 1))
+        arrays[f"member_0.prior.{name}.covariances"] = np.tile(np.eye(10), (4, 1, 1))
+    stage = Inference(build_model(of, arrays))
+    first, answers = run(stage, stream)
+    assert (answers[0].interaction, answers[-1].interaction) == ("", "rocket")
+    assert answers[-1].probability > 0.9
+    assert first.recognition.probabilities.sum() == pytest.approx(1.0, abs=1e-12)
+    assert first.recognition.likeliest == 2
