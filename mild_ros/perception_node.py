@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
-from typing import Any
 
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
@@ -17,10 +16,10 @@ from mild_ros.fates import Fates
 from mild_ros.messages.feature_window import feature_window_to_msg
 from mild_ros.operator_services import OperatorServices
 from mild_ros.parameters import declare
-from mild_ros.quality_of_service import BETWEEN_STAGES, SENSOR
+from mild_ros.quality_of_service import BETWEEN_STAGES
 from mild_ros.running import run
 from mild_ros.settings import PerceptionParameters
-from mild_ros.tracker import Tracker
+from mild_ros.tracker import Sighting, Tracker
 
 
 class PerceptionNode(Node):
@@ -29,7 +28,7 @@ class PerceptionNode(Node):
     def __init__(self) -> None:
         super().__init__("perception")
         parameters = declare(self, PerceptionParameters)
-        self._tracker = Tracker(parameters)
+        tracker = Tracker(parameters, "perception")
         self._stage = make_perception(parameters, manifest_of(parameters.model))
         self._state = self._stage.init()
         self._diagnostics = Diagnostics(self, expected=("skeleton",), hardware_id=parameters.source)
@@ -38,23 +37,19 @@ class PerceptionNode(Node):
         self._windows = self.create_publisher(PointCloud2, "feature_window", BETWEEN_STAGES)
         self._time = NodeClock(self)
         self._operator = OperatorServices(self, self._diagnostics, self._reset)
-        self.create_subscription(self._tracker.message_type, "skeleton", self._on_skeleton, SENSOR)
+        tracker.listen(self, self._time, self._diagnostics, self._fates, self._on_sight)
         self.get_logger().info(f"watching the {parameters.side} arm for {parameters.model}")
 
-    def _on_skeleton(self, message: Any) -> None:
-        started_ns, now_ns = time.perf_counter_ns(), self._time.now_ns()
-        people, stamp_ns = self._tracker.people(message, now_ns)
-        self._diagnostics.flowed("skeleton", stamp_ns)
-        input_ns = now_ns if stamp_ns is None else stamp_ns
+    def _on_sight(self, sight: Sighting) -> None:
         if not self._operator.enabled:
-            self._fates.report("perception", 0, "not_enabled", input_ns)
+            self._fates.report("perception", 0, "not_enabled", sight.input_ns)
             return
-        self._state, windows = self._stage.step(self._state, people, now_ns)
+        self._state, windows = self._stage.step(self._state, sight.people, sight.now_ns)
         for window in windows:
             self._windows.publish(feature_window_to_msg(window))
             self._diagnostics.flowed("feature_window")
-        self._fates.report("perception", len(windows), self._state.outcome, input_ns)
-        self._diagnostics.took("step", time.perf_counter_ns() - started_ns)
+        self._fates.report("perception", len(windows), self._state.outcome, sight.input_ns)
+        self._diagnostics.took("step", time.perf_counter_ns() - sight.steady_ns)
         self._diagnostics.ended("perception", self._state.outcome, self._state.counts, self._state.detail)
         self._diagnostics.summary = self._state.outcome
 

@@ -25,7 +25,7 @@ from mild_ros.parameters import declare
 from mild_ros.quality_of_service import SENSOR
 from mild_ros.running import run
 from mild_ros.settings import PipelineParameters
-from mild_ros.tracker import Tracker
+from mild_ros.tracker import Sighting, Tracker
 
 
 class PipelineNode(Node):
@@ -34,7 +34,7 @@ class PipelineNode(Node):
     def __init__(self) -> None:
         super().__init__("pipeline")
         parameters = declare(self, PipelineParameters)
-        self._tracker = Tracker(parameters)
+        tracker = Tracker(parameters, "pipeline")
         model = load(parameters.model)
         self._pipeline = make_pipeline(parameters, model)
         self._state = self._pipeline.init()
@@ -46,20 +46,17 @@ class PipelineNode(Node):
         topics = MotionTopics(self, model.manifest.interactions, self._diagnostics)
         self._inside = InsideTopics(self, topics, parameters.publish_intermediate)
         self._time = NodeClock(self, self._on_tick, parameters.control_rate_hz)
-        self.create_subscription(self._tracker.message_type, "skeleton", self._on_skeleton, SENSOR)
+        tracker.listen(self, self._time, self._diagnostics, self._fates, self._on_sight)
         self.create_subscription(JointState, "joint_states", self._on_joint_states, SENSOR)
         self.get_logger().info(f"{parameters.source} to {parameters.robot} through {parameters.model}")
 
-    def _on_skeleton(self, message: Any) -> None:
-        started_ns, now_ns = time.perf_counter_ns(), self._time.now_ns()
-        people, stamp_ns = self._tracker.people(message, now_ns)
-        output = self._step(people, now_ns)
-        self._diagnostics.took("step", time.perf_counter_ns() - started_ns)
-        self._diagnostics.flowed("skeleton", stamp_ns)
-        if output.motions and stamp_ns is not None:
-            self._behind_ns = stamp_ns
+    def _on_sight(self, sight: Sighting) -> None:
+        output = self._step(sight.people, sight.now_ns)
+        self._diagnostics.took("step", time.perf_counter_ns() - sight.steady_ns)
+        if output.motions:
+            self._behind_ns = sight.input_ns
             self._tell_age("age of an answer", output)
-        self._fates.report("pipeline", 0, self._state.perception.outcome, now_ns if stamp_ns is None else stamp_ns)
+        self._fates.report("pipeline", 0, self._state.perception.outcome, sight.input_ns)
         self._inside.publish(output)
 
     def _on_joint_states(self, message: Any) -> None:

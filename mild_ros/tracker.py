@@ -3,49 +3,92 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
-from mild_core.errors import SetupError
-from mild_core.perception.skeletons import SOURCES, SkeletonSource
+from rclpy.node import Node
+
+from mild_core.errors import DataError
 from mild_core.signals import SkeletonFrame
+from mild_ros.assembly.perception import skeleton_source
+from mild_ros.clock import NodeClock
+from mild_ros.diagnostics import Diagnostics
+from mild_ros.fates import Fates
+from mild_ros.messages.marker_array_bytes import marker_array_from_bytes
 from mild_ros.messages.skeletons import ADAPTERS
+from mild_ros.quality_of_service import SENSOR
 from mild_ros.settings import PerceptionParameters
 
+TOPIC = "skeleton"
 
-def skeleton_source(parameters: PerceptionParameters) -> SkeletonSource:
-    """The tracker convention that parameters name.
+FROM_BYTES: dict[str, Callable[[bytes], Any]] = {"marker_array": marker_array_from_bytes}
+"""Kinds of messages that are read faster without rclpy's own classes."""
 
-    Raises:
-        SetupError: Joint names are missing, or given for a source that numbers its joints.
+
+@dataclass(frozen=True)
+class Sighting:
+    """One message of a tracker.
+
+    Attributes:
+        people: Everyone in it.
+        stamp_ns: The newest of their stamps; None when there is nobody.
+        now_ns: When it came, in the node's time.
+        steady_ns: When it came, on a clock for measuring how long things take.
     """
-    source = SOURCES[parameters.source]
-    if not source.joint_ids:
-        return source.with_joints(parameters.joint_names, parameters.source_axes)  # type: ignore[arg-type]
-    if parameters.joint_names:
-        problem = f"{parameters.source} numbers its joints, so their order cannot be given"
-        raise SetupError("parameter joint_names", problem, "leave it out or set source to pose_array")
-    return source
+
+    people: tuple[SkeletonFrame, ...]
+    stamp_ns: int | None
+    now_ns: int
+    steady_ns: int
+
+    @property
+    def input_ns(self) -> int:
+        """The stamp of the message, and of one with nobody in it the time when it came."""
+        return self.now_ns if self.stamp_ns is None else self.stamp_ns
 
 
 class Tracker:
-    """Reads the messages of one kind of tracker.
+    """Subscribes to a tracker and reads its messages.
 
     Args:
         parameters: Which one.
-
-    Attributes:
-        message_type: The class to subscribe with.
+        stage: Who reports the fate of a message that cannot be read.
 
     Raises:
         SetupError: As `skeleton_source`.
     """
 
-    def __init__(self, parameters: PerceptionParameters) -> None:
+    def __init__(self, parameters: PerceptionParameters, stage: str) -> None:
         self._source = skeleton_source(parameters)
         self._adapter = ADAPTERS[self._source.message]
-        self.message_type = self._adapter.message_type
+        self._from_bytes = FROM_BYTES.get(self._source.message)
+        self._stage = stage
 
-    def people(self, message: Any, now_ns: int) -> tuple[tuple[SkeletonFrame, ...], int | None]:
-        """Everyone in a message that came at `now_ns`, and the newest stamp [ns]; None when there is nobody."""
-        people = self._adapter.people(message, self._source, now_ns)
-        return people, max((person.stamp_ns for person in people), default=None)
+    def listen(
+        self,
+        node: Node,
+        clock: NodeClock,
+        diagnostics: Diagnostics,
+        fates: Fates,
+        on_sight: Callable[[Sighting], None],
+    ) -> None:
+        """Call `on_sight` with every message; one that cannot be read is counted and logged here."""
+
+        def on_message(message: Any) -> None:
+            steady_ns, now_ns = time.perf_counter_ns(), clock.now_ns()
+            try:
+                readable = self._from_bytes(message) if self._from_bytes else message
+                people = self._adapter.people(readable, self._source, now_ns)
+            except DataError as error:
+                diagnostics.flowed(TOPIC)
+                diagnostics.unreadable(TOPIC, error.reason, error.detail)
+                fates.report(self._stage, 0, error.reason, now_ns)
+                return
+            stamp_ns = max((person.stamp_ns for person in people), default=None)
+            on_sight(Sighting(people, stamp_ns, now_ns, steady_ns))
+            diagnostics.flowed(TOPIC, stamp_ns)
+
+        raw = self._from_bytes is not None
+        node.create_subscription(self._adapter.message_type, TOPIC, on_message, SENSOR, raw=raw)

@@ -7,10 +7,10 @@ from mild_core.errors import SetupError
 from mild_core.inference.manifest import Manifest
 from mild_core.inference.manifest_reading import read_manifest
 from mild_core.perception.settings import PerceptionSettings
+from mild_core.perception.skeletons import SOURCES, SkeletonSource
 from mild_core.perception.stage import Perception
 from mild_ros.settings import PerceptionParameters
 from mild_ros.share import model_folder
-from mild_ros.tracker import skeleton_source
 
 
 def manifest_of(model: str) -> Manifest:
@@ -20,6 +20,21 @@ def manifest_of(model: str) -> Manifest:
         SetupError: There is none, or its manifest cannot be read.
     """
     return read_manifest(model_folder(model))
+
+
+def skeleton_source(parameters: PerceptionParameters) -> SkeletonSource:
+    """The tracker convention that parameters name.
+
+    Raises:
+        SetupError: Joint names are missing, or given for a source that numbers its joints.
+    """
+    source = SOURCES[parameters.source]
+    if not source.joint_ids:
+        return source.with_joints(parameters.joint_names, parameters.source_axes)  # type: ignore[arg-type]
+    if parameters.joint_names:
+        problem = f"{parameters.source} numbers its joints, so their order cannot be given"
+        raise SetupError("parameter joint_names", problem, "leave it out or set source to pose_array")
+    return source
 
 
 def make_perception(parameters: PerceptionParameters, manifest: Manifest) -> Perception:
