@@ -105,7 +105,7 @@ class PriorSettings:
     components: int = 5
     covariance_fraction: float = 0.1
     iterations: int = 3
-    every: int = 5
+    every: int = 2
     frozen_from: float = 0.5
     restart: float = 0.0
 
@@ -140,11 +140,11 @@ class TrainingSettings:
     prior: PriorSettings = field(default_factory=PriorSettings)
     weights: LossWeights = field(default_factory=LossWeights)
     augmentation: Augmentation | None = field(default_factory=Augmentation)
-    stride: int = 8
-    gradient_stride: int = 8
-    epochs: int = 300
+    stride: int = 16
+    gradient_stride: int = 16
+    epochs: int = 200
     observed_epochs: int = 0
-    batch_trials: int = 24
+    batch_trials: int = 8
     learning_rate: float = 3e-3
     decaying: bool = True
     weight_decay: float = 1e-2

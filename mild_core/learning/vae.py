@@ -178,12 +178,13 @@ class MemberNetworks(nn.Module):
         """
         known = {"window": window, "label": label}
         if self.context is not None:
-            known["context"] = self.context(self._seen(known, self.architecture.context))
+            seen = {**known, "window": drop(window, self.dropout) if self.training else window}
+            known["context"] = self.context(gather(seen, self.architecture.context))
         return known
 
     def observe(self, known: Mapping[str, Tensor]) -> Posterior:
         """Posterior of the human's latent."""
-        return posterior_of(self.encoder(self._seen(known, self.architecture.encoder)), self.architecture.latent)
+        return posterior_of(self.encoder(gather(known, self.architecture.encoder)), self.architecture.latent)
 
     def counterpart(self, window: Tensor) -> Posterior:
         """Posterior of the robot's latent, from its own window."""
@@ -193,7 +194,7 @@ class MemberNetworks(nn.Module):
         """The conditioned latent, and what memory adds to it."""
         if self.residual is None:
             return conditioned
-        correction: Tensor = self.residual(self._seen(known, self.architecture.residual))
+        correction: Tensor = self.residual(gather(known, self.architecture.residual))
         return conditioned + correction
 
     def answer(self, known: Mapping[str, Tensor], controlled: Tensor) -> Tensor:
@@ -205,12 +206,6 @@ class MemberNetworks(nn.Module):
         }
         answered: Tensor = self.decoder(gather({**spread, "controlled": controlled}, self.architecture.decoder))
         return answered
-
-    def _seen(self, known: Mapping[str, Tensor], names: Sequence[str]) -> Tensor:
-        """The named values side by side; in training a share of the window's is dropped, anew for each network."""
-        if self.training and "window" in names:
-            known = {**known, "window": drop(known["window"], self.dropout)}
-        return gather(known, names)
 
     def start_controlled_from_observed(self) -> None:
         """Copy the human's hidden layers to the robot's networks where they have equal sizes.
