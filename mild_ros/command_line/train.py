@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import subprocess
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
     from mild_core.learning.settings import TrainingSettings
     from mild_core.learning.trained import TrainedModel
     from mild_core.learning.training import EpochReport
+
+EXIT_INTERRUPTED = 130
 
 METHOD_OF_PRESET = {"paper": "mild_paper"}
 """Row of the cross-validation that a preset is, where it is not "mild"."""
@@ -79,7 +82,7 @@ def train(
     out.mkdir(parents=True, exist_ok=True)  # a folder that cannot be written is said before an hour of training
     from mild_core.learning.training import train as train_model
 
-    trained = _with_progress(train_model(trials, asked, settings, seed, recording.interactions), settings)
+    trained = _finished(train_model(trials, asked, settings, seed, recording.interactions), settings, out)
     command = f"mild train --preset {preset} --protocol {asked.name} --seed {seed} --epochs {settings.epochs}"
     command += f" --members {settings.members} --out {out}" + (f" --errors {errors}" if errors else "")
     _write(out, trained, trials, recording, measured, command)
@@ -98,6 +101,19 @@ def _measured(path: Path | None, protocol: str, method: str) -> dict[str, Any]:
         problem = f"holds protocol '{table.get('protocol')}', methods {sorted({r['method'] for r in table['methods']})}"
         raise SetupError(str(path), problem, f"run mild evaluate --cv --protocol {protocol} --method {method}")
     return {"table": table, "method": method}
+
+
+def _finished(
+    epochs: Generator[EpochReport, None, TrainedModel], settings: TrainingSettings, out: Path
+) -> TrainedModel:
+    """Run the training to its end, or leave nothing behind."""
+    try:
+        return _with_progress(epochs, settings)
+    except KeyboardInterrupt:
+        with suppress(OSError):  # only a folder that was made for this is empty
+            out.rmdir()
+        typer.echo(f"mild: interrupted while training: nothing was written to {out}", err=True)
+        raise typer.Exit(EXIT_INTERRUPTED) from None
 
 
 def _with_progress(epochs: Generator[EpochReport, None, TrainedModel], settings: TrainingSettings) -> TrainedModel:

@@ -104,3 +104,16 @@ def test_wrong_names_and_an_unwritable_folder_are_refused_before_training(data, 
     ):
         assert run("train", "--data", str(data), *options, *QUICK) == 2
         assert said in capsys.readouterr().err
+
+
+def test_ctrl_c_says_that_nothing_was_written_and_leaves_nothing(data, tmp_path, monkeypatch, capsys):
+    import mild_core.learning.training
+
+    def interrupted(*arguments):
+        yield from ()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(mild_core.learning.training, "train", interrupted)
+    assert run("train", "--data", str(data), "--out", str(tmp_path / "made"), *QUICK) == 130
+    assert "nothing was written" in capsys.readouterr().err
+    assert not (tmp_path / "made").exists()

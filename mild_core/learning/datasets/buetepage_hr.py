@@ -57,21 +57,21 @@ def _trial(path: Path, split: str, index: int, track: Any, labels: Any) -> Demon
     labels = _numbers(thing, "labels", labels, len(BUETEPAGE_HR.interactions) + 1)
     if len(labels) != len(track):
         raise DatasetError(thing, f"has {len(track)} frames but {len(labels)} labels", REMEDY)
-    counts = (labels[:, :-1] > 0.5).sum(axis=0)
-    if not ((labels == 0) | (labels == 1)).all() or (labels.sum(axis=1) != 1).any() or np.count_nonzero(counts) != 1:
+    frames_of = labels[:, :-1].sum(axis=0)
+    if not ((labels == 0) | (labels == 1)).all() or (labels.sum(axis=1) > 1).any() or np.count_nonzero(frames_of) != 1:
         raise DatasetError(thing, "its labels do not name one interaction, one-hot in each frame", REMEDY)
     controlled = track[:, OBSERVED_COLUMNS:].copy()
     if np.median(controlled[:, WRIST_COLUMN]) < -np.pi:
         controlled[:, WRIST_COLUMN] += 2 * np.pi
     return Demonstration(
         trial=index,
-        interaction=BUETEPAGE_HR.interactions[int(counts.argmax())],
+        interaction=BUETEPAGE_HR.interactions[int(frames_of.argmax())],
         rate_hz=BUETEPAGE_HR.rate_hz,
         observed_names=BUETEPAGE_HR.observed_names,
         observed_m=track[:, :OBSERVED_COLUMNS].reshape(len(track), -1, 3),
         controlled_names=BUETEPAGE_HR.controlled_names,
         controlled=controlled,
-        active=1.0 - labels[:, -1],
+        active=labels[:, :-1].sum(axis=1),
     )
 
 
