@@ -5,51 +5,30 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from sensor_msgs.msg import JointState, PointCloud2
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from mild_core.retargeting.robots import ROBOTS
-from mild_core.signals import JointMeasurement, MotionWindow
-from mild_ros.messages.joint_state import joint_measurement_to_msg
+from mild_core.signals import MotionWindow
 from mild_ros.messages.motion import motion_state_to_msg, motion_to_msg
 from test.ros.processes import NodeProcess, Probe
-
-YUMI = ROBOTS["yumi"]
-OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+from test.ros.surroundings import ERROR, WARN, YUMI, Surroundings
 
 
-@dataclass
-class Bench:
-    """The node's surroundings, played by the test."""
+class Motions(Surroundings):
+    """The surroundings of retargeting: somebody infers motions."""
 
-    probe: Probe
-    commands: list[Any] = field(default_factory=list)
-    reports: list[Any] = field(default_factory=list)
+    def __init__(self, probe: Probe) -> None:
+        super().__init__(probe, "retargeting")
+        self.motion = probe.node.create_publisher(JointTrajectory, "motion", 100)
+        self.state = probe.node.create_publisher(PointCloud2, "motion_state", 100)
 
-    def __post_init__(self) -> None:
-        node = self.probe.node
-        self.states = node.create_publisher(JointState, "joint_states", 100)
-        self.motion = node.create_publisher(JointTrajectory, "motion", 100)
-        self.state = node.create_publisher(PointCloud2, "motion_state", 100)
-        self.commands = self.probe.listen(JointState, "joint_command")
-        self.reports = self.probe.listen(DiagnosticArray, "/diagnostics")
-
-    def connect(self) -> None:
-        """Wait until the node hears us and we hear it."""
-        for publisher in (self.states, self.motion, self.state):
-            self.probe.matched(publisher)
-        self.probe.until(lambda: self.reports, "first diagnostics")
-
-    def measure(self, positions: np.ndarray = YUMI.home_rad) -> None:
-        stamped = JointMeasurement(self.probe.now_ns(), YUMI.joint_names, positions)
-        self.states.publish(joint_measurement_to_msg(stamped))
+    def connect(self, *publishers: Any) -> None:
+        super().connect(self.states, self.motion, self.state, *publishers)
 
     def move(self, to: np.ndarray, joint_names: tuple[str, ...] = YUMI.joint_names) -> None:
         """A motion window that stays at one pose."""
@@ -69,43 +48,18 @@ class Bench:
         self.motion.publish(motion_to_msg(motion))
         self.state.publish(motion_state_to_msg(motion, ("hand_shake",)))
 
-    def commands_reach(self, pose: np.ndarray) -> bool:
-        """The newest command is at `pose` to a thousandth of a radian: the end of a smooth stop takes its time."""
-        return bool(self.commands) and np.allclose(self.commands[-1].position, pose, rtol=0.0, atol=1e-3)
-
-    def status(self) -> tuple[bytes, str, dict[str, str]]:
-        """Level, message and values of the newest report."""
-        status = self.reports[-1].status[0]
-        return status.level, status.message, {pair.key: pair.value for pair in status.values}
-
-    def until_counted(self, *keys: str) -> None:
-        """Wait until the diagnostics count each of these."""
-        for key in keys:
-            self.probe.until(lambda key=key: key in self.status()[2], f"a count of {key}")
-
-    def until_status(self, level: bytes, text: str) -> dict[str, str]:
-        def found() -> bool:
-            now = self.status()
-            return now[0] == level and text in now[1]
-
-        def seen() -> list[str]:
-            return [report.status[0].message for report in self.reports]
-
-        self.probe.until(found, f"diagnostics with {text!r}", seen=seen)
-        return self.status()[2]
-
 
 @pytest.fixture
-def bench(probe: Probe) -> Bench:
-    return Bench(probe)
+def bench(probe: Probe) -> Motions:
+    return Motions(probe)
 
 
-def follow(bench: Bench, target: np.ndarray, done: Callable[[], Any], what: str) -> None:
+def follow(bench: Motions, target: np.ndarray, done: Callable[[], Any], what: str) -> None:
     """Keep sending a motion until something has happened."""
 
     def sent() -> Any:
         bench.move(target)
-        bench.measure(np.array(bench.commands[-1].position) if bench.commands else YUMI.home_rad)
+        bench.obey()
         bench.probe.spin(0.02)
         return done()
 
@@ -115,7 +69,7 @@ def follow(bench: Bench, target: np.ndarray, done: Callable[[], Any], what: str)
 TARGET = YUMI.home_rad + 0.3
 
 
-def test_it_follows_and_holds_and_goes_home(start: Callable[..., NodeProcess], bench: Bench) -> None:
+def test_it_follows_and_holds_and_goes_home(start: Callable[..., NodeProcess], bench: Motions) -> None:
     start("retargeting", home_after_s=2.0, stale_after_s=0.3, home_velocity_rad_s=2.0, report_handled=True)
     bench.connect()
     bench.until_status(WARN, "waiting for joint_states")
@@ -141,7 +95,7 @@ def test_it_follows_and_holds_and_goes_home(start: Callable[..., NodeProcess], b
     assert int(values["retargeting held_stale"]) == 1
 
 
-def test_the_operator_is_obeyed(start: Callable[..., NodeProcess], bench: Bench) -> None:
+def test_the_operator_is_obeyed(start: Callable[..., NodeProcess], bench: Motions) -> None:
     start("retargeting", enabled=False)
     bench.connect()
     follow(bench, TARGET, lambda: bench.status()[2].get("retargeting not_enabled"), "refused motions")
@@ -159,7 +113,7 @@ def test_the_operator_is_obeyed(start: Callable[..., NodeProcess], bench: Bench)
     assert bench.status()[2]["joint_command count"] == count, "a disabled node sends nothing"
 
 
-def test_it_stops_when_somebody_else_commands(start: Callable[..., NodeProcess], bench: Bench) -> None:
+def test_it_stops_when_somebody_else_commands(start: Callable[..., NodeProcess], bench: Motions) -> None:
     node = start("retargeting")
     bench.connect()
     bench.measure()
@@ -178,7 +132,7 @@ def test_it_stops_when_somebody_else_commands(start: Callable[..., NodeProcess],
     bench.probe.until(lambda: len(bench.commands) > count, "commands again")
 
 
-def test_bad_input_is_counted_by_its_reason(start: Callable[..., NodeProcess], bench: Bench) -> None:
+def test_bad_input_is_counted_by_its_reason(start: Callable[..., NodeProcess], bench: Motions) -> None:
     node = start("retargeting")
     bench.connect()
     bench.measure(np.full(7, np.nan))
@@ -207,7 +161,7 @@ def test_bad_input_is_counted_by_its_reason(start: Callable[..., NodeProcess], b
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_it_with_code_0(start: Callable[..., NodeProcess], bench: Bench, number: int) -> None:
+def test_a_signal_ends_it_with_code_0(start: Callable[..., NodeProcess], bench: Motions, number: int) -> None:
     node = start("retargeting")
     bench.connect()
     assert node.stop(number) == 0
