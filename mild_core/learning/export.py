@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -127,8 +127,7 @@ def _member(member: TrainedMember, territory: Territory) -> tuple[dict[str, Netw
         inputs: tuple[str, ...] = getattr(architecture, name)
         layers, found = list(chain.specs), Arrays(chain.arrays())
         if "window" in inputs and member.question.directions is not None:
-            front, found["coordinates.weight"], found["coordinates.bias"] = _front(member.question, inputs, sizes)
-            layers.insert(0, front)
+            layers, found = _fronted(layers, found, _front(member.question, inputs, sizes))
         if name == "decoder" and member.answer.directions is not None:
             back, found["window.weight"], found["window.bias"] = _back(member.answer)
             layers.append(back)
@@ -143,6 +142,22 @@ def _member(member: TrainedMember, territory: Territory) -> tuple[dict[str, Netw
         "distance.radii": territory.radii,
     }
     return specs, arrays
+
+
+def _fronted(
+    layers: list[LayerSpec], arrays: Arrays, front: tuple[LayerSpec, FloatArray, FloatArray]
+) -> tuple[list[LayerSpec], Arrays]:
+    """Put a linear layer before others: as a layer, or multiplied into the first one where that is less work."""
+    spec, weight, bias = front
+    first = layers[0]
+    if spec.inputs * first.outputs >= spec.inputs * spec.outputs + first.inputs * first.outputs:
+        return [spec, *layers], {**arrays, "coordinates.weight": weight, "coordinates.bias": bias}
+    after = arrays[f"{first.name}.weight"].astype(np.float64)
+    product = {
+        f"{first.name}.weight": weight @ after,
+        f"{first.name}.bias": bias @ after + arrays[f"{first.name}.bias"],
+    }
+    return [replace(first, inputs=spec.inputs), *layers[1:]], {**arrays, **product}
 
 
 def _front(
