@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The learned methods of the table: trained by torch, scored through the run-time stage, told the label or not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mild_core.learning import settings
+from mild_core.learning.cross_validation import GIVEN, RECOGNISED, Job, run_job
+from mild_core.learning.learned_model import learn
+from mild_core.learning.methods import METHODS
+from mild_core.learning.windows import PROTOCOLS, cut
+from test.core.learning.made_trials import made_trials
+from test.core.learning.small_settings import SMALL, SMALL_PAPER
+from test.core.learning.test_buetepage_hr import one_hot, write
+
+TRIALS = made_trials(each=3)
+
+
+@pytest.fixture(autouse=True)
+def small_presets(monkeypatch):
+    small = {"paper": SMALL_PAPER, "same": SMALL, "ahead": SMALL, "next": SMALL}
+    monkeypatch.setattr(settings, "PRESETS", small)
+    monkeypatch.setattr("mild_core.learning.methods.PRESETS", small)
+
+
+@pytest.mark.parametrize("small", [SMALL, SMALL_PAPER], ids=["ours", "the paper's"])
+def test_a_learned_model_answers_as_torch_says_and_never_looks_at_the_answer(small):
+    protocol = PROTOCOLS["same"]
+    predictor = learn(TRIALS, protocol, small, seed=0)
+    trial = TRIALS[1]
+    predicted = predictor.predict(trial)
+    assert predicted.shape == cut(trial, protocol).controlled.shape
+    blinded = replace(trial, controlled=np.zeros_like(trial.controlled))
+    np.testing.assert_array_equal(predictor.predict(blinded), predicted)
+    np.testing.assert_array_equal(learn(TRIALS, protocol, small, seed=0).predict(trial), predicted)
+
+
+@pytest.mark.parametrize("method", ["mild", "mild_paper"])
+def test_one_training_gives_the_row_with_labels_and_the_row_without(tmp_path, method):
+    rng = np.random.default_rng(0)
+    times = np.linspace(0, 6, 120)[:, None]
+    tracks = [0.3 * np.sin(times + rng.uniform(0, 6, 16)) for _ in range(8)]
+    path = write(tmp_path / "a.npz", tracks, [one_hot(index // 4, 120) for index in range(8)])
+    result = run_job(Job("buetepage_hr", path, "ahead", method, fold=1, seed=0))
+    assert set(result.errors) == {GIVEN, RECOGNISED}
+    for errors in result.errors.values():
+        assert [one.trial for one in errors] == [1, 5]
+        assert all(len(one.squared) == 120 - 79 and np.isfinite(one.squared).all() for one in errors)
+    assert METHODS[method].seeded
