@@ -12,7 +12,7 @@ from mild_core.learning.recording import Recording
 from mild_core.learning.windows import protocol_named
 
 LIMITS = """\
-- Learned from 24 to 32 trials of a few people with one robot; a person of other habits is a person it has not met.
+- Learned from few trials with one robot: a person of other habits is a person it has not met.
 - It knows the interactions above and no other. What the person does besides them is scored as unknown
   (`out_of_distribution` above 1), but a movement that looks like a known one is taken for it.
 - It copies timing and reach from demonstrations. It does not plan contact: nothing makes hands meet, and nothing here
@@ -35,7 +35,9 @@ def model_card(manifest: Manifest, recording: Recording, retrain: str) -> str:
     parts = [
         f"# Model card: {manifest.name}\n",
         f"{_sentence(protocol.meaning)} Windows of {manifest.window} frames at {manifest.rate_hz:g} Hz; protocol "
-        f"`{manifest.protocol}`; {len(manifest.members)} networks whose answers are averaged.\n",
+        f"`{manifest.protocol}`. Variational autoencoders of person and robot ({manifest.latent_size} dimensions each) "
+        f"with a {manifest.prior.kind.upper()} of {manifest.prior.components} components per interaction between them; "
+        f"members whose answers are averaged: {len(manifest.members)}.\n",
         "## Intended use\n",
         f"Moving the {len(manifest.controlled.joint_names)} joints of one arm of `{manifest.controlled.robot}` in "
         f"answer to a person's {manifest.observed.side} arm ({', '.join(manifest.observed.joint_names)}), in research "
