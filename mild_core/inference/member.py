@@ -16,6 +16,7 @@ from mild_core.inference.stepping import (
     IntArray,
     Observed,
     Parts,
+    StackedPriors,
     generate_window,
     observe_window,
 )
@@ -98,7 +99,7 @@ class ReadyMember:
     phases: FloatArray
     residual_covariance: FloatArray
     places: IntArray
-    chains: tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
+    chains: StackedPriors
     perceiving: tuple[Parts, Parts, Parts]
     acting: tuple[Parts, Parts, Parts]
 

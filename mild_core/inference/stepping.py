@@ -48,6 +48,9 @@ class Compiled(NamedTuple):
 Parts = tuple[IntArray, Float32Array, IntArray]
 """A `Compiled`, plain."""
 
+StackedPriors = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
+"""A `Chains`, plain."""
+
 
 class Chains(NamedTuple):
     """The priors of the A interactions that are considered, stacked.
@@ -121,9 +124,58 @@ def run_context(
 
 
 @compiled
+def lay_out(features: FloatArray, label: FloatArray, places: IntArray) -> tuple[Float32Array, bool]:
+    """A board with the window (W, D) and the label (P,) on it, and whether all features are finite."""
+    board, finite = np.zeros(places[-1], dtype=np.float32), True
+    for row in range(features.shape[0]):
+        for d in range(features.shape[1]):
+            finite = finite and np.isfinite(features[row, d])
+            board[places[WINDOW] + row * features.shape[1] + d] = features[row, d]
+    for p in range(label.shape[0]):
+        board[places[LABEL] + p] = label[p]
+    return board, finite
+
+
+@compiled
+def follow_chains(
+    priors: StackedPriors,
+    latent: tuple[FloatArray, FloatArray],
+    missed: int,
+    restart: float,
+    memory: FloatArray,
+    found: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+) -> float:
+    """Move the beliefs of all interactions on by one observed latent, its mean (Q,) and covariance (Q, Q).
+
+    Fills `found`: weights, log-likelihoods, means and covariances of `Observed`, and changes `memory` in place.
+
+    Returns:
+        The out-of-distribution score of the latent.
+    """
+    chains = Chains(priors[0], priors[1], priors[2], priors[3], priors[4], priors[5])
+    weights, log_likelihoods, means, covariances = found
+    passed, components = max(missed, 0), weights.shape[1]
+    shape = (passed + 1, components)
+    emissions, chances, steps = np.zeros(shape), np.empty(shape), np.empty(passed + 1)
+    events, distances = (np.empty(shape), np.empty(shape), np.empty(shape)), np.empty(components)
+    score, known = np.inf, False
+    for a in range(weights.shape[0]):
+        gaussians = (chains.means[a], chains.covariances[a])
+        observe_frame(gaussians, latent, emissions[passed], distances, means[a], covariances[a])
+        chain = (chains.initial[a], chains.transitions[a], chains.durations[a])
+        filter_frames(emissions, memory[a], missed < 0, chain, restart, UNDERFLOW, chances, steps, events)
+        log_likelihoods[a] = steps[passed]
+        known = known or log_likelihoods[a] > UNDERFLOW
+        for j in range(components):
+            weights[a, j] = chances[passed, j]
+            score = min(score, distances[j] / chains.radius[a])
+    return score if known else max(score, NEVER_SEEN)
+
+
+@compiled
 def observe_window(
     networks: tuple[Parts, Parts, Parts],
-    priors: tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray],
+    priors: StackedPriors,
     regions: tuple[FloatArray, FloatArray],
     places: IntArray,
     state: tuple[Float32Array, FloatArray],
@@ -145,48 +197,52 @@ def observe_window(
         restart: See `filter_frames`.
     """
     features, label = given
-    chains = Chains(priors[0], priors[1], priors[2], priors[3], priors[4], priors[5])
     context, memory = state[0].copy(), state[1].copy()
-    considered, components, total = chains.means.shape
+    considered, components, total = priors[0].shape
     size = places[BELIEF] - places[OBSERVED]
     weights, log_likelihoods = np.empty((considered, components)), np.empty(considered)
     means = np.empty((considered, components, total - size))
     covariances = np.empty((considered, components, total - size, total - size))
-    board = np.zeros(places[-1], dtype=np.float32)
-    finite = True
-    for row in range(features.shape[0]):
-        for d in range(features.shape[1]):
-            finite = finite and np.isfinite(features[row, d])
-            board[places[WINDOW] + row * features.shape[1] + d] = features[row, d]
+    board, finite = lay_out(features, label, places)
     if not finite:
         return context, memory, board, weights, log_likelihoods, means, covariances, np.nan
-    for p in range(label.shape[0]):
-        board[places[LABEL] + p] = label[p]
     run_context(networks[0], features, timing[0], timing[1], places, board, context)
     nothing = np.empty(0, dtype=np.float32)
     latent, widening = posterior(run_network(networks[1], board, nothing), size)
     for q in range(size):
         board[places[OBSERVED] + q] = latent[q]
-    missed = max(timing[2], 0)
-    shape = (missed + 1, components)
-    emissions, chances, steps = np.zeros(shape), np.empty(shape), np.empty(missed + 1)
-    events, distances = (np.empty(shape), np.empty(shape), np.empty(shape)), np.empty(components)
-    score, known = np.inf, False
-    for a in range(considered):
-        gaussians = (chains.means[a], chains.covariances[a])
-        observe_frame(gaussians, (latent, widening), emissions[missed], distances, means[a], covariances[a])
-        chain = (chains.initial[a], chains.transitions[a], chains.durations[a])
-        filter_frames(emissions, memory[a], timing[2] < 0, chain, restart, UNDERFLOW, chances, steps, events)
-        log_likelihoods[a] = steps[missed]
-        known = known or log_likelihoods[a] > UNDERFLOW
-        for j in range(components):
-            weights[a, j] = chances[missed, j]
-            score = min(score, distances[j] / chains.radius[a])
-    if not known:
-        score = max(score, NEVER_SEEN)
+    found = (weights, log_likelihoods, means, covariances)
+    score = follow_chains(priors, (latent, widening), timing[2], restart, memory, found)
     if networks[2][0].shape[0] > 0:
         score = max(score, nearest(run_network(networks[2], board, nothing), regions[0], regions[1]))
     return context, memory, board, weights, log_likelihoods, means, covariances, score
+
+
+@compiled
+def mix_latent(
+    gate: Parts, places: IntArray, board: Float32Array, label: FloatArray, considered: IntArray,
+    beliefs: FloatArray, means: FloatArray,
+) -> tuple[FloatArray, FloatArray, int]:  # fmt: skip
+    """Weigh the components by belief, gate and interaction.
+
+    Returns:
+        The mixed latent (C,), the gated beliefs (A, K), and which of the A is the likeliest interaction.
+    """
+    nothing = np.empty(0, dtype=np.float32)
+    gated = beliefs.copy()
+    latent, likeliest = np.zeros(means.shape[2]), 0
+    for a in range(considered.shape[0]):
+        if gate[0].shape[0] > 0:
+            for j in range(beliefs.shape[1]):
+                board[places[BELIEF] + j] = beliefs[a, j]
+            gated[a] = gate_weights(beliefs[a], run_network(gate, board, nothing))
+        share = label[considered[a]]
+        if share > label[considered[likeliest]]:
+            likeliest = a
+        for j in range(gated.shape[1]):
+            for c in range(latent.shape[0]):
+                latent[c] += share * gated[a, j] * means[a, j, c]
+    return latent, gated, likeliest
 
 
 @compiled
@@ -220,19 +276,7 @@ def generate_window(
     nothing = np.empty(0, dtype=np.float32)
     for p in range(label.shape[0]):
         board[places[LABEL] + p] = label[p]
-    gated = beliefs.copy()
-    latent, likeliest = np.zeros(means.shape[2]), 0
-    for a in range(considered.shape[0]):
-        if networks[0][0].shape[0] > 0:
-            for j in range(beliefs.shape[1]):
-                board[places[BELIEF] + j] = beliefs[a, j]
-            gated[a] = gate_weights(beliefs[a], run_network(networks[0], board, nothing))
-        share = label[considered[a]]
-        if share > label[considered[likeliest]]:
-            likeliest = a
-        for j in range(gated.shape[1]):
-            for c in range(latent.shape[0]):
-                latent[c] += share * gated[a, j] * means[a, j, c]
+    latent, gated, likeliest = mix_latent(networks[0], places, board, label, considered, beliefs, means)
     covariance = residual_covariance.copy()
     for a in range(considered.shape[0]):
         spread = (means[a], covariances[a])

@@ -24,8 +24,8 @@ UNREACHABLE = 1e-250
 
 
 @compiled
-def factorise(matrix: FloatArray, size: int) -> float:
-    """Cholesky factor of the leading block, in place in the lower triangle.
+def factorise(matrix: FloatArray, size: int, reciprocals: FloatArray) -> float:
+    """Cholesky factor of the leading block, in place in the lower triangle, and `reciprocals` (Q,) of its diagonal.
 
     Returns:
         The logarithm of the factor's determinant; NaN when the block is not positive definite.
@@ -38,14 +38,17 @@ def factorise(matrix: FloatArray, size: int) -> float:
                 value -= matrix[row, k] * matrix[column, k]
             if row == column:
                 matrix[row, row] = np.sqrt(value)
+                reciprocals[row] = 1.0 / matrix[row, row]
                 log_determinant += np.log(matrix[row, row])
             else:
-                matrix[row, column] = value / matrix[column, column]
+                matrix[row, column] = value * reciprocals[column]
     return log_determinant
 
 
 @compiled
-def whiten(block: FloatArray, observed: FloatArray, mean: FloatArray, whitened: FloatArray) -> float:
+def whiten(
+    block: FloatArray, reciprocals: FloatArray, observed: FloatArray, mean: FloatArray, whitened: FloatArray
+) -> float:
     """Fill `whitened` (Q,) with L^-1 (observed - mean), where L is in the lower triangle of `block`.
 
     Returns:
@@ -56,20 +59,21 @@ def whiten(block: FloatArray, observed: FloatArray, mean: FloatArray, whitened: 
         value = observed[row] - mean[row]
         for k in range(row):
             value -= block[row, k] * whitened[k]
-        whitened[row] = value / block[row, row]
+        whitened[row] = value * reciprocals[row]
         distance += whitened[row] * whitened[row]
     return distance
 
 
 @compiled
-def whiten_rows(block: FloatArray, size: int) -> None:
-    """Replace the rows below the factor L (size, size) by themselves times L^-T: what conditioning takes twice."""
+def whiten_rows(block: FloatArray, reciprocals: FloatArray) -> None:
+    """Replace the rows below the factor L (Q, Q) by themselves times L^-T: what conditioning takes twice."""
+    size = reciprocals.shape[0]
     for row in range(size, block.shape[0]):
         for column in range(size):
             value = block[row, column]
             for k in range(column):
                 value -= block[row, k] * block[column, k]
-            block[row, column] = value / block[column, column]
+            block[row, column] = value * reciprocals[column]
 
 
 @compiled
@@ -97,16 +101,16 @@ def observe_frame(
     latent, widening = observed
     count, total = means.shape
     size = latent.shape[0]
-    block, whitened = np.empty((total, size)), np.empty(size)
+    block, whitened, reciprocals = np.empty((total, size)), np.empty(size), np.empty(size)
     for j in range(count):
         for row in range(total):
             for column in range(size):
                 block[row, column] = covariances[j, row, column] + (widening[row, column] if row < size else 0.0)
-        log_determinant = factorise(block, size)
-        distance = whiten(block, latent, means[j], whitened)
+        log_determinant = factorise(block, size, reciprocals)
+        distance = whiten(block, reciprocals, latent, means[j], whitened)
         log_emission[j] = -0.5 * (size * LOG_TWO_PI + distance) - log_determinant
         distances[j] = np.sqrt(distance)
-        whiten_rows(block, size)
+        whiten_rows(block, reciprocals)
         for row in range(size, total):
             value = means[j, row]
             for k in range(size):
@@ -115,11 +119,12 @@ def observe_frame(
         if conditioned_covariances.shape[0] == 0:
             continue
         for row in range(size, total):
-            for column in range(size, total):
+            for column in range(size, row + 1):
                 value = covariances[j, row, column]
                 for k in range(size):
                     value -= block[row, k] * block[column, k]
                 conditioned_covariances[j, row - size, column - size] = value
+                conditioned_covariances[j, column - size, row - size] = value
 
 
 @compiled

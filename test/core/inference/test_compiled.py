@@ -17,7 +17,7 @@ PROGRAM = """
 import numpy as np
 from mild_core.inference.compiled import _cache_folder
 from mild_core.inference.priors.filtering import factorise
-print(round(float(factorise(np.array([[4.0, 2.0], [2.0, 5.0]]), 2)), 6), _cache_folder(), sep="|")
+print(round(float(factorise(np.array([[4.0, 2.0], [2.0, 5.0]]), 2, np.empty(2))), 6), _cache_folder(), sep="|")
 """
 
 
