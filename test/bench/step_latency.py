@@ -14,6 +14,7 @@ from time import perf_counter_ns
 
 import numpy as np
 
+from mild_core.errors import SetupError
 from mild_core.inference.golden import synthetic_windows
 from mild_core.inference.model import MildModel, build_model, load_model
 from mild_core.inference.stage import Inference
@@ -54,7 +55,10 @@ def main() -> None:
     parser.add_argument("--interaction", help="one of the model's, or auto; left out: the first one and auto")
     parser.add_argument("--steps", type=int, default=5000)
     given = parser.parse_args()
-    model = load_model(given.model) if given.model else paper_sized()
+    try:
+        model = load_model(given.model) if given.model else paper_sized()
+    except SetupError as error:
+        raise SystemExit(str(error)) from None
     chosen = [given.interaction] if given.interaction else [model.manifest.interactions[0], "auto"]
     print(
         f"model {model.manifest.name}: {len(model.members)} member(s), {len(model.manifest.interactions)} interactions"
