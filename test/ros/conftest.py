@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from test.replay.made_model import save_random_model
 from test.ros.processes import NodeProcess, Probe
 
 
@@ -37,3 +38,9 @@ def probe(ros_domain: int) -> Iterator[Probe]:
     probe = Probe()
     yield probe
     probe.close()
+
+
+@pytest.fixture(scope="session")
+def random_model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a model with random weights that knows the arm of our scenes and everything else."""
+    return save_random_model(tmp_path_factory.mktemp("models") / "random")

@@ -3,14 +3,27 @@
 
 from __future__ import annotations
 
+import shutil
 import signal
 import subprocess
 import sys
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
+from mild_core.inference.manifest import ControlledAgent
+from mild_core.inference.model import save_model
+from test.core.inference.random_model import manifest, paper_member, random_arrays
 from test.ros.processes import ROOT, NodeProcess, Probe, without_log_lines
+
+
+def refused(node: NodeProcess, message: str) -> None:
+    """It ends with code 2 and one line that begins with `message`."""
+    assert node.wait() == 2, node.output()
+    (line,) = without_log_lines(node.output())
+    assert line.startswith(f"mild_ros {node.name}: {message}")
+    assert "; " in line, "and says what would work"
 
 
 @pytest.mark.parametrize(
@@ -37,10 +50,80 @@ from test.ros.processes import ROOT, NodeProcess, Probe, without_log_lines
 def test_a_wrong_set_up_is_one_line(
     start: Callable[..., NodeProcess], name: str, parameters: dict[str, object], words: tuple[str, ...], message: str
 ) -> None:
-    node = start(name, *words, **parameters)
-    assert node.wait() == 2, node.output()
-    (line,) = without_log_lines(node.output())
-    assert line.startswith(f"mild_ros {name}: {message}")
+    refused(start(name, *words, **parameters), message)
+
+
+@pytest.mark.parametrize("name", ["pipeline", "perception", "inference"])
+def test_an_unknown_model_lists_those_there_are(start: Callable[..., NodeProcess], name: str) -> None:
+    refused(start(name, model="yumi_buetepage_ahed"), "model: 'yumi_buetepage_ahed' is unknown; ")
+    refused(start(name, model="/no/such/folder"), "model /no/such/folder: no such folder; ")
+
+
+def cut_in_half(folder: Path) -> None:
+    weights = folder / "weights.safetensors"
+    weights.write_bytes(weights.read_bytes()[: weights.stat().st_size // 2])
+
+
+def altered(folder: Path) -> None:
+    weights = bytearray((folder / "weights.safetensors").read_bytes())
+    weights[-100] ^= 1
+    (folder / "weights.safetensors").write_bytes(weights)
+
+
+def without_golden(folder: Path) -> None:
+    (folder / "golden.npz").unlink()
+
+
+def not_json(folder: Path) -> None:
+    (folder / "manifest.json").write_text("{")
+
+
+@pytest.mark.parametrize(
+    ("harm", "file"),
+    [
+        (cut_in_half, "weights.safetensors"),
+        (altered, "weights.safetensors"),
+        (without_golden, "golden.npz"),
+        (not_json, "manifest.json"),
+    ],
+)
+def test_a_model_that_cannot_be_trusted_is_refused(
+    start: Callable[..., NodeProcess], random_model: Path, tmp_path: Path, harm: Callable[[Path], None], file: str
+) -> None:
+    folder = tmp_path / "model"
+    shutil.copytree(random_model, folder)
+    harm(folder)
+    refused(start("inference", model=folder), f"{folder / file}: ")
+
+
+def test_a_model_of_another_robot_is_refused(start: Callable[..., NodeProcess], tmp_path: Path) -> None:
+    joints = tuple(f"joint_{number}" for number in range(7))
+    of = manifest((paper_member(),), controlled=ControlledAgent("robot_joints", "other", joints, "rad"))
+    save_model(tmp_path / "model", of, random_arrays(of), "Random weights.\n")
+    refused(start("pipeline", model=tmp_path / "model"), f"model {tmp_path / 'model'}: it moves joint_0, joint_1")
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        (
+            {"interaction": "hand_shak"},
+            "interaction of model random: 'hand_shak' is unknown; did you mean",
+        ),
+        ({"source": "azure_kinetic"}, "parameter source: 'azure_kinetic' is unknown; did you mean 'azure_kinect'?"),
+        ({"joint_names": ["right_hand"]}, "parameter joint_names: azure_kinect numbers its joints"),
+        ({"source": "pose_array"}, "joint_names: [] has no joints"),
+        ({"source": "pose_array", "joint_names": ["right_hnd"]}, "joint_names: 'right_hnd' is unknown; did you mean"),
+        (
+            {"source": "pose_array", "joint_names": ["right_shoulder", "right_elbow"]},
+            "source pose_array: the model {model} observes right_hand, which the tracker does not give",
+        ),
+    ],
+)
+def test_what_does_not_fit_the_model_is_one_line(
+    start: Callable[..., NodeProcess], random_model: Path, parameters: dict[str, object], message: str
+) -> None:
+    refused(start("pipeline", model=random_model, **parameters), message.format(model=random_model))
 
 
 def test_help_lists_the_parameters() -> None:
