@@ -26,7 +26,7 @@ from mild_core.errors import DatasetError
 LARGEST_MEMBER_BYTES = 1 << 30
 """A member that unpacks to more than this is refused unread: a few kB of zip can claim terabytes."""
 
-REMEDY = "take the file as its publishers give it (shared data README), or convert it to arrays of numbers"
+REMEDY = "take the file as its publishers give it, or convert it to arrays of numbers"
 
 
 class _RefusedError(Exception):

@@ -87,7 +87,7 @@ def errors_of_trial(demonstration: Demonstration, protocol: Protocol, predicted:
     Raises:
         ValueError: `predicted` has another shape or is not finite.
 
-    Source: METHOD §3.
+    Source: the squared error of the MILD paper's tables; all windows at stride 1, resting ones included.
     """
     true = cut(demonstration, protocol).controlled
     require_shape("predicted", predicted, true.shape)

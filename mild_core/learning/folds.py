@@ -30,7 +30,7 @@ def folds_of(demonstrations: Sequence[Demonstration], count: int = FOLDS) -> tup
         demonstrations: In the order of the recording.
         count: Number of folds.
 
-    Source: METHOD §3.
+    Source: ours; the publishers divide the trials into training and test only.
     """
     seen: Counter[str] = Counter()
     fold_of = []

@@ -40,11 +40,11 @@ def explain_windows(
         log_emissions: (B, N, K) filled.
         gains: (B, N, K, Z - Q, Q) filled.
 
-    Source: eq. 8 of MILD, METHOD §2. A Cholesky factor by hand: these systems are far too small for a library call.
+    Source: eq. 8 of MILD as mild_core/README.md corrects it. A Cholesky factor by hand: these systems are far too
+    small for a library call.
     """
     means, covariances = components
-    batch, windows, size = observed.shape
-    total = means.shape[2]
+    (batch, windows, size), total = observed.shape, means.shape[2]
     block, whitened = np.empty((total, size)), np.empty(size)
     for b in range(batch):
         for n in range(windows):

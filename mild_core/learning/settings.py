@@ -190,7 +190,7 @@ PAPER = TrainingSettings(
     averaging=0.0,
     members=1,
 )
-"""Source: the paper's section IV and METHOD §1: sizes, rates and losses as printed, misprints corrected."""
+"""Source: the paper's section IV: sizes, rates and losses as printed, misprints corrected."""
 
 SAME = TrainingSettings(
     architecture=Architecture(encoder=("context", "window"), residual=("context", "window", "label")),

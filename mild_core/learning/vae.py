@@ -46,7 +46,7 @@ class Posterior:
 def posterior_of(outputs: Tensor, latent: int) -> Posterior:
     """Read an encoder's Q + Q (Q + 1) / 2 outputs: the mean, then the rows of the lower triangle.
 
-    Source: METHOD §1: q = N(mu, L L^T), L with diagonal 2 |l|, plus a little.
+    Source: the MILD paper: q = N(mu, L L^T), L with diagonal 2 |l|, plus a little.
     """
     rows, columns = torch.tril_indices(latent, latent)
     factor = outputs.new_zeros(*outputs.shape[:-1], latent, latent)
@@ -210,7 +210,7 @@ class MemberNetworks(nn.Module):
     def start_controlled_from_observed(self) -> None:
         """Copy the human's hidden layers to the robot's networks where they have equal sizes.
 
-        Source: METHOD §1: robot agents start from the human VAE's hidden layers, as their demonstrations are few.
+        Source: the MILD paper: robot agents start from the human VAE's hidden layers, as their demonstrations are few.
         """
         for source, target in ((self.encoder, self.counterpart_encoder), (self.counterpart_decoder, self.decoder)):
             for one, other in zip(list(source.stack)[:-1], list(target.stack)[:-1], strict=True):

@@ -50,7 +50,7 @@ PROTOCOLS = {
         Protocol("next", 5, 5, "positions_velocities", 1, "at a fifth of the rate, five frames tell the next five"),
     )
 }
-"""Source: METHOD §3: "same" is the protocol of the MILD paper, "next" that of the authors' later code."""
+"""Source: "same" is the protocol of the MILD paper, "next" that of the authors' later code."""
 
 
 def protocol_named(name: str) -> Protocol:

@@ -58,6 +58,16 @@ def machine_paths(root: Path) -> list[str]:
     return found
 
 
+def absent_documents(root: Path) -> list[str]:
+    """References to documents that a reader of this repository does not have."""
+    found = []
+    for path in files(root):
+        if path.name != Path(__file__).name and path.suffix in (".py", ".md", ".urdf", ".json"):
+            named = re.findall(r"\b[A-Z]{4,} §[\d.]+|\b(?:METHOD|DESIGN|FACTS|EXAMPLES)\.md\b", path.read_text())
+            found += [f"{path.relative_to(root)}: {name}" for name in named]
+    return found
+
+
 def large_files(root: Path) -> list[str]:
     """Files that make every clone slow for ever."""
     return [str(path.relative_to(root)) for path in files(root) if path.stat().st_size > LARGEST_BYTES]
@@ -126,6 +136,7 @@ GATES: dict[Callable[[Path], list[str]], list[tuple[str, str]]] = {
         ("a.cfg", "/root/x"),
         ("b", "p=/Users/bo/x"),
     ],
+    absent_documents: [("a.py", "# METHOD §3"), ("a.md", "see DESIGN.md")],
     large_files: [("a.png", "x" * 1_000_001)],
     recordings: [
         ("test/core/trial.npz", ""),
