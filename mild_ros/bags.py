@@ -57,6 +57,7 @@ class BagReader:
         path: The folder or file that was opened.
         topics: What is in it.
         salvaged: True when the bag is broken and this is what could be saved of it.
+        duration_s: From its first message to its last.
         ended_early: Why reading stopped before the end, in salvage only; "" when it did not.
     """
 
@@ -64,6 +65,7 @@ class BagReader:
         self.path = path
         self.salvaged = salvaged
         self.ended_early = ""
+        self.duration_s = max(reader.duration, 0) * 1e-9
         self._reader = reader
         self.topics: Mapping[str, TopicSummary] = {
             topic: TopicSummary(info.msgtype or "(several types)", info.msgcount)

@@ -27,7 +27,7 @@ from mild_ros.messages.joint_state import joint_command_to_msg, joint_measuremen
 from mild_ros.messages.motion import motion_state_to_msg, motion_to_msg
 from mild_ros.messages.skeletons import ADAPTERS, people_from_msg
 
-SKELETON, JOINT_STATES, TICK = "skeleton", "joint_states", ""
+SKELETON, JOINT_STATES, TRUE_MOTION, TICK = "skeleton", "joint_states", "true_motion", ""
 JOINT_STATE_TYPE = "sensor_msgs/msg/JointState"
 
 
@@ -37,7 +37,8 @@ class Event:
 
     Attributes:
         time_ns: When.
-        input: `SKELETON` or `JOINT_STATES`: the topic our nodes take it on; `TICK` for a tick of the clock.
+        input: `SKELETON` or `JOINT_STATES`: the topic our nodes take it on; `TRUE_MOTION`: what the recorded robot did,
+            which nobody takes but is passed on to be compared with; `TICK` for a tick of the clock.
         message: What arrives; None for a tick.
     """
 
@@ -74,6 +75,8 @@ class Inputs:
         recorded = "/joint_states" in bag.topics and bag.topics["/joint_states"].count > 0
         if self.joint_states == "bag" or (self.joint_states == "auto" and recorded):
             wanted[topic_of_type(bag, JOINT_STATE_TYPE, "joint_states")] = JOINT_STATES
+        if f"/{TRUE_MOTION}" in bag.topics:
+            wanted[f"/{TRUE_MOTION}"] = TRUE_MOTION
         at_home = self.joint_states == "home" or (self.joint_states == "auto" and not recorded)
         for raw in bag.messages(wanted):
             if at_home:
@@ -142,6 +145,9 @@ def fold(bag: BagReader, pipeline: Pipeline, inputs: Inputs, rate_hz: float = 10
     """
     state = pipeline.init()
     for event in with_ticks(inputs.messages(bag), rate_hz):
+        if event.input == TRUE_MOTION:
+            yield Step(event, PipelineOutput(), state)
+            continue
         try:
             given = _decoded(bag, event, inputs.source)
         except DataError as error:

@@ -26,12 +26,12 @@ from mild_ros.messages.skeletons import ADAPTERS
 from mild_ros.messages.stamps import time_to_msg
 from mild_ros.parameters import declare
 from mild_ros.quality_of_service import BETWEEN_STAGES, FATE
-from mild_ros.replay import JOINT_STATES, SKELETON, Inputs, with_ticks
+from mild_ros.replay import JOINT_STATES, SKELETON, TRUE_MOTION, Inputs, with_ticks
 from mild_ros.running import run
 from mild_ros.sending import LockStep, play_in_real_time
 
 LOOK_PERIOD_S, SETTLING_S = 0.05, 0.5
-"""Once enough subscribers are seen, nodes get this long to find each other as well."""
+"""Nodes get this long to find each other once enough subscribers are seen."""
 
 
 class ReplayNode(Node):
@@ -44,9 +44,8 @@ class ReplayNode(Node):
             raise SetupError("parameter bag", "is empty", "name a bag, e.g. -p bag:=bags/handshake")
         self._in_lock_step = self.parameters.mode == "lock_step"
         source = SOURCES[self.parameters.source]
-        states = self.parameters.joint_states
-        if states == "auto" and not self._in_lock_step:
-            states = "none"
+        auto = "auto" if self._in_lock_step else "none"
+        states = auto if self.parameters.joint_states == "auto" else self.parameters.joint_states
         inputs = Inputs(source, ROBOTS[self.parameters.robot], self.parameters.skeleton_topic, states)
         self._bags = ExitStack()
         self._bag = self._bags.enter_context(open_bag(Path(self.parameters.bag), salvage=self.parameters.salvage))
@@ -54,6 +53,8 @@ class ReplayNode(Node):
         self._publishers_by_input: dict[str, Publisher] = {
             SKELETON: self.create_publisher(ADAPTERS[source.message].message_type, "skeleton", BETWEEN_STAGES)
         }
+        if f"/{TRUE_MOTION}" in self._bag.topics:
+            self._publishers_by_input[TRUE_MOTION] = self.create_publisher(JointState, TRUE_MOTION, BETWEEN_STAGES)
         if states != "none":
             self._publishers_by_input[JOINT_STATES] = self.create_publisher(JointState, "joint_states", BETWEEN_STAGES)
         if self._in_lock_step:

@@ -48,6 +48,8 @@ class Report:
     Attributes:
         answer_ages_ms: (A,) from a skeleton's stamp to the arrival of the first command based on it.
         command_ages_ms: (C,) the same for every command that is based on a skeleton: its newest one.
+        sent_ages_ms: What the pipeline says of its commands' ages when it sent them: the usual second's median, the
+            worst second's 99th percentile, and the greatest; None when it said nothing.
         rates_hz: Messages per second by topic.
         fates: How tracker messages ended, by reason.
         lost: Tracker messages that were sent but that the stages never saw; None when they did not tell.
@@ -59,6 +61,7 @@ class Report:
 
     answer_ages_ms: FloatArray
     command_ages_ms: FloatArray
+    sent_ages_ms: tuple[float, float, float] | None
     rates_hz: Mapping[str, float]
     fates: Mapping[str, int]
     lost: int | None
@@ -76,6 +79,7 @@ def make_report(run: RecordedRun, robot: RobotModel) -> Report:
     return Report(
         answer_ages_ms=answers,
         command_ages_ms=ages,
+        sent_ages_ms=_told_ages(run),
         rates_hz=_rates(run),
         fates=dict(Counter(fate.outcome for fate in seen)),
         lost=len(run.tracker_arrived_ns) - len(seen) if seen else None,
@@ -125,6 +129,16 @@ def _ages(run: RecordedRun) -> tuple[FloatArray, FloatArray]:
         if stamp_ns - answered_ns < FOLLOWING_NS:
             ages.append((arrived_ns - behind_ns) * 1e-6)
     return np.array(answers), np.array(ages)
+
+
+def _told_ages(run: RecordedRun) -> tuple[float, float, float] | None:
+    """Source: the values "age of a command p50 [ms]" and so on of `mild_ros/diagnostics.py`."""
+    keys = [f"age of a command {name} [ms]" for name in ("p50", "p99", "max")]
+    seconds = [values for told in run.diagnostics.values() for values in told if keys[0] in values]
+    if not seconds:
+        return None
+    middle, high, greatest = ([float(values[key]) for values in seconds] for key in keys)
+    return float(np.median(middle)), max(high), max(greatest)
 
 
 def _rates(run: RecordedRun) -> dict[str, float]:

@@ -15,7 +15,7 @@ from mild_core.errors import DataError, SetupError
 from mild_ros.bags import BagReader
 from mild_ros.encoding import restamped
 from mild_ros.messages.handled import Handled
-from mild_ros.replay import SKELETON, TICK, Event
+from mild_ros.replay import SKELETON, TICK, TRUE_MOTION, Event
 
 MEASURED = ("measured", "joints_missing", "outside_limits")
 """Outcomes of the robot's own states, which may come from a simulation at any time."""
@@ -50,6 +50,9 @@ class LockStep:
     def advance(self) -> bool:
         """Send the next event; False when there is none."""
         self._event = next(self._events, None)
+        while self._event is not None and self._event.input == TRUE_MOTION and self._event.message is not None:
+            self._send(TRUE_MOTION, self._event.message.data)
+            self._event = next(self._events, None)
         if self._event is None:
             return False
         self._tokens = 1

@@ -18,8 +18,8 @@ from mild_ros.bag_writer import create_bag
 from mild_ros.encoding import encode, type_name_of
 from mild_ros.messages.joint_state import joint_measurement_to_msg
 from mild_ros.messages.marker_array import people_to_marker_array
+from mild_ros.replay import TRUE_MOTION
 from mild_ros.simulation.person import bodies, skeleton_frames, with_neutral_second
-from mild_ros.viewing.recorded import TRUE_MOTION
 
 START_NS = 1_600_000_000_000_000_000
 NEUTRAL_S = 1.2
@@ -51,4 +51,4 @@ def write_trial(
             message = people_to_marker_array((frame,), SOURCES["azure_kinect"])
             bag.write("/skeleton", type_name_of(message), frame.stamp_ns, encode(message))
             true = joint_measurement_to_msg(JointMeasurement(frame.stamp_ns, robot.joint_names, positions))
-            bag.write(TRUE_MOTION, type_name_of(true), frame.stamp_ns, encode(true))
+            bag.write(f"/{TRUE_MOTION}", type_name_of(true), frame.stamp_ns, encode(true))

@@ -73,14 +73,14 @@ def draw_filmstrip(staged: Staged, robot: RobotModel, path: Path, title: str) ->
             axes.set_axis_off()
             middle = (index + 0.5) / MOMENTS
             figure.text(middle, 1.0 - 0.52 / (height + HEADER), f"{moment:.1f} s", ha="center", fontsize=11, color=INK)
-            caption = _caption(staged, moment)
-            figure.text(middle, 1.0 - 0.72 / (height + HEADER), caption, ha="center", fontsize=8.5, color=GREY)
+            said = caption(staged, moment)
+            figure.text(middle, 1.0 - 0.72 / (height + HEADER), said, ha="center", fontsize=8.5, color=GREY)
     at_top = 1.0 - 0.26 / (height + HEADER)
     figure.text(0.012, at_top, title, fontsize=13, fontweight="bold", color=INK)
     figure.savefig(path)
 
 
-def _caption(staged: Staged, moment: float) -> str:
+def caption(staged: Staged, moment: float) -> str:
     """What the model believed then."""
     before = [motion for motion in staged.motions if staged.seconds(motion.stamp_ns) <= moment]
     if not before:

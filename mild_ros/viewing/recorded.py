@@ -20,9 +20,7 @@ from mild_ros.messages.joint_state import joint_command_from_msg, joint_measurem
 from mild_ros.messages.motion import motion_from_msgs
 from mild_ros.messages.skeletons import ADAPTERS, people_from_msg
 from mild_ros.pairing import StampPairs
-
-TRUE_MOTION = "/true_motion"
-"""Where a bag made from a trial of a dataset says what its robot really did: `sensor_msgs/JointState`."""
+from mild_ros.replay import TRUE_MOTION
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +66,7 @@ class RecordedRun:
         truth: What the recorded robot did in truth; None when unknown.
         motions: What was inferred.
         fates: What became of each input, as far as nodes told.
-        diagnostics: The newest values of each node's diagnostics.
+        diagnostics: Values of each node's diagnostics, message by message.
         counts: Messages by topic.
         duration_s: Of the whole bag.
     """
@@ -81,7 +79,7 @@ class RecordedRun:
     truth: JointTrack | None
     motions: tuple[MotionWindow, ...]
     fates: tuple[Handled, ...] = ()
-    diagnostics: dict[str, dict[str, str]] = field(default_factory=dict)
+    diagnostics: dict[str, list[dict[str, str]]] = field(default_factory=dict)
     counts: dict[str, int] = field(default_factory=dict)
     duration_s: float = 0.0
 
@@ -114,7 +112,7 @@ def read_run(path: Path, source: SkeletonSource, *, salvage: bool = False) -> Re
             tracker_arrived_ns=np.array([time_ns for time_ns, _ in tracked], dtype=np.int64),
             commands=_track(bag, "/joint_command", joint_command_from_msg),
             measured=_track(bag, "/joint_states", joint_measurement_from_msg),
-            truth=_track(bag, TRUE_MOTION, joint_measurement_from_msg),
+            truth=_track(bag, f"/{TRUE_MOTION}", joint_measurement_from_msg),
             motions=_motions(bag),
             fates=tuple(handled_from_msg(message) for _, message in _all(bag, "/handled")),
             diagnostics=_diagnostics(bag),
@@ -171,9 +169,9 @@ def _motions(bag: BagReader) -> tuple[MotionWindow, ...]:
     return tuple(found)
 
 
-def _diagnostics(bag: BagReader) -> dict[str, dict[str, str]]:
-    newest: dict[str, dict[str, str]] = {}
+def _diagnostics(bag: BagReader) -> dict[str, list[dict[str, str]]]:
+    told: dict[str, list[dict[str, str]]] = {}
     for _, message in _all(bag, "/diagnostics"):
         for status in message.status:
-            newest[status.name] = {value.key: value.value for value in status.values}
-    return newest
+            told.setdefault(status.name, []).append({value.key: value.value for value in status.values})
+    return told

@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`mild demo`: the main job, from tracker messages to a robot that moves, and results to look at."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from mild_core.errors import SetupError, unknown_name
+
+
+def demo(
+    scene: Annotated[str, typer.Option(help="One of the bags that we ship.")] = "handshake",
+    model: Annotated[str, typer.Option(metavar="NAME|FOLDER", help="The model.")] = "yumi_buetepage_ahead",
+    interaction: Annotated[str, typer.Option(help="An interaction of the model, or auto to recognise it.")] = "auto",
+    out: Annotated[Path, typer.Option(metavar="FOLDER", help="Where the results go.")] = Path("out/demo"),
+) -> None:
+    """The main job on a bag we ship: tracker messages in, a simulated robot moves, results to look at.
+
+    Starts four programs that talk over DDS in a ROS 2 domain of their own: `replay` sends the scene as a live tracker
+    would, `pipeline` sees, recognises and commands, `simulation` moves a YuMi in PyBullet, `record` writes all of it
+    down. Then reads the recording and tells how old a command is when it leaves, what became of every frame, whether
+    every limit was kept, and where the files are: the bag, a filmstrip, plots, and a page that plays in any browser.
+
+        mild demo
+
+        mild demo --scene hand_wave
+    """
+    from mild_ros.command_line.results import leave, run_with_progress, tell
+    from mild_ros.demo import RunOptions
+    from mild_ros.share import share_folder
+
+    scenes = sorted(path.parent.name for path in share_folder("bags").glob("*/metadata.yaml"))
+    if scene not in scenes:
+        raise unknown_name("scene", scene, scenes)
+    out.mkdir(parents=True, exist_ok=True)
+    options, console = RunOptions(model=model, interaction=interaction), Console()
+    title = f"{scene.replace('_', ' ').capitalize()}: a person and a simulated YuMi"
+    recorded = run_with_progress(share_folder("bags") / scene, out, options, console)
+    shown = leave(recorded, out, options, title, console)
+    tell(shown, title, console)
+    if shown.report.limits is None:
+        raise SetupError("demo", "the robot was sent no command", f"see {out / 'log'}")
+    if not shown.report.limits.kept:
+        raise SetupError("demo", "a command broke a limit", "please report it with the recorded bag")

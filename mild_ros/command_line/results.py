@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the commands that run nodes tell and leave: numbers, pictures and a page of one recorded run."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from mild_core.retargeting.robots import ROBOTS
+from mild_core.shapes import FloatArray
+from mild_ros.assembly.perception import make_perception, manifest_of, skeleton_source
+from mild_ros.demo import RunOptions, run_nodes
+from mild_ros.report import Report, make_report
+from mild_ros.settings import PerceptionParameters
+from mild_ros.viewing.filmstrip import draw_filmstrip
+from mild_ros.viewing.page import write_page
+from mild_ros.viewing.plots import draw_plots
+from mild_ros.viewing.recorded import RecordedRun, read_run
+from mild_ros.viewing.staging import stage
+
+FILMSTRIP, PLOTS, PAGE, NUMBERS = "filmstrip.png", "plots.png", "page.html", "report.json"
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What was left of a run.
+
+    Attributes:
+        report: The numbers.
+        files: What to look at, in order.
+    """
+
+    report: Report
+    files: tuple[Path, ...]
+
+
+def run_with_progress(bag: Path, out: Path, options: RunOptions, console: Console) -> Path:
+    """Run the nodes on a bag behind a progress bar; returns the recorded bag."""
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True) as progress:
+        task = progress.add_task("starting nodes", total=1.0)
+        return run_nodes(
+            bag, out, options, lambda what, share: progress.update(task, description=what, completed=share)
+        )
+
+
+def leave(recorded: Path, out: Path, options: RunOptions, title: str, console: Console) -> Shown:
+    """Measure a recorded run and draw it.
+
+    Args:
+        recorded: The bag.
+        out: Folder for the pictures, the page and the numbers.
+        options: How it was run.
+        title: Of the pictures.
+        console: Where to tell what is going on.
+
+    Raises:
+        SetupError: The bag cannot be read, or shows nobody who stands still.
+    """
+    robot, parameters = ROBOTS[options.robot], PerceptionParameters(model=options.model, source=options.source)
+    run = read_run(recorded, skeleton_source(parameters), salvage=options.salvage)
+    report, manifest = make_report(run, robot), manifest_of(options.model)
+    with console.status("drawing"):
+        staged = stage(run, make_perception(parameters, manifest), manifest, robot)
+        draw_filmstrip(staged, robot, out / FILMSTRIP, title)
+        draw_plots(run, report, robot.joint_names, out / PLOTS, title)
+        write_page(staged, robot, out / PAGE, title)
+    (out / NUMBERS).write_text(json.dumps(as_data(run, report), indent=1) + "\n")
+    return Shown(report, (recorded, out / FILMSTRIP, out / PLOTS, out / PAGE, out / NUMBERS))
+
+
+def tell(shown: Shown, title: str, console: Console) -> None:
+    """The numbers of a run as a table, then where its files are."""
+    table = Table(title=title, title_justify="left", show_header=False, title_style="bold")
+    for name, value in _lines(shown.report):
+        table.add_row(name, value)
+    console.print(table)
+    for path in shown.files:
+        console.print(f"  {path}", highlight=False, soft_wrap=True)
+
+
+def _lines(report: Report) -> list[tuple[str, str]]:
+    """What is told of a run: a name and a value each."""
+    lines = [("skeleton stamp → command sent", _told(report.sent_ages_ms))]
+    lines.append(("skeleton stamp → first command received", _percentiles(report.answer_ages_ms)))
+    lines.append(("age of the skeleton behind any command", _percentiles(report.command_ages_ms)))
+    lines.append(("rates", ", ".join(f"{name} {rate:.1f} Hz" for name, rate in report.rates_hz.items())))
+    lines.append(("tracker messages", ", ".join(f"{number} {name}" for name, number in report.fates.items()) or "-"))
+    lines.append(("lost before perception", "not told" if report.lost is None else str(report.lost)))
+    if report.limits is not None:
+        used = report.limits
+        shares = f"position {used.position:.0%}, velocity {used.velocity:.0%}, acceleration {used.acceleration:.0%}"
+        lines.append(("limits", f"{'kept' if used.kept else 'BROKEN'}: at most {shares} of each was used"))
+    for name, error in (("predicted", report.predicted_error_deg), ("commanded", report.error_deg)):
+        if error is not None:
+            lines.append((f"{name} joints less true ones", f"{error:.1f}° RMS"))
+    if report.error_deg is None:
+        lines.append(("error", "the true motion is unknown: a synthetic scene has none"))
+    return lines
+
+
+def _told(ages_ms: tuple[float, float, float] | None) -> str:
+    if ages_ms is None:
+        return "not told"
+    return "median {:.1f} ms, 99 % below {:.1f} ms, greatest {:.1f} ms".format(*ages_ms)
+
+
+def _percentiles(ages_ms: FloatArray) -> str:
+    if not len(ages_ms):
+        return "no command"
+    middle, high, top = np.percentile(ages_ms, [50, 99, 100])
+    return _told((float(middle), float(high), float(top)))
+
+
+def as_data(run: RecordedRun, report: Report) -> dict[str, Any]:
+    """The numbers as JSON can hold them."""
+
+    def ages(values: FloatArray) -> list[float] | None:
+        return [float(value) for value in np.percentile(values, [50, 99, 100])] if len(values) else None
+
+    limits = report.limits
+    return {
+        "duration_s": run.duration_s,
+        "commands": 0 if run.commands is None else len(run.commands.stamps_ns),
+        "sent_age_ms": report.sent_ages_ms,
+        "answer_age_ms": ages(report.answer_ages_ms),
+        "command_age_ms": ages(report.command_ages_ms),
+        "rates_hz": dict(report.rates_hz),
+        "fates": dict(report.fates),
+        "lost": report.lost,
+        "limits": None if limits is None else {**vars(limits), "kept": limits.kept},
+        "error_deg": report.error_deg,
+        "predicted_error_deg": report.predicted_error_deg,
+        "jumps": report.jumps,
+    }

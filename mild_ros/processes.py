@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Our nodes as processes of their own, in a ROS 2 domain of their own, and none of them left behind."""
+
+from __future__ import annotations
+
+import ctypes
+import fcntl
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+
+from mild_core.errors import SetupError
+
+DOMAINS = range(1, 102)
+"""Above it the ports of a domain reach into those that Linux hands out to anybody (32768 and up)."""
+
+FIRST_PORT, PORTS_PER_DOMAIN = 7400, 250
+"""Source: DDSI-RTPS 2.3, 9.6.1.1: the ports of a domain."""
+
+POLITE_S, FIRM_S = 10.0, 5.0
+"""How long a node may take to end after SIGINT, and after SIGTERM."""
+
+_DIE_WITH_PARENT = 1
+"""PR_SET_PDEATHSIG of prctl(2)."""
+
+
+@contextmanager
+def private_domain() -> Iterator[int]:
+    """A ROS 2 domain that nothing on this machine uses, reserved until the block is left.
+
+    Raises:
+        SetupError: All are taken.
+    """
+    busy = _domains_in_use()
+    for domain in random.sample([domain for domain in DOMAINS if domain not in busy], k=len(DOMAINS) - len(busy)):
+        lock = os.open(Path(tempfile.gettempdir(), f"mild_ros-domain-{domain}.lock"), os.O_CREAT | os.O_RDWR, 0o666)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            os.close(lock)
+            continue
+        try:
+            yield domain
+        finally:
+            os.close(lock)
+        return
+    raise SetupError("ROS_DOMAIN_ID", f"all domains from 1 to {DOMAINS[-1]} are in use", "end some ROS 2 programs")
+
+
+def _domains_in_use() -> set[int]:
+    """Domains whose ports somebody has bound."""
+    found = set()
+    for table in ("/proc/net/udp", "/proc/net/udp6"):
+        lines = Path(table).read_text().splitlines()[1:] if Path(table).exists() else []
+        ports = (int(line.split()[1].rsplit(":", 1)[1], 16) for line in lines)
+        found |= {(port - FIRST_PORT) // PORTS_PER_DOMAIN for port in ports if port >= FIRST_PORT}
+    return found & set(DOMAINS)
+
+
+class Nodes:
+    """Nodes of ours, ended in reverse order when the block is left, however it is left.
+
+    They also end when this process is killed.
+
+    Args:
+        domain: The ROS 2 domain they talk in.
+        log_folder: What each of them prints goes into a file there.
+    """
+
+    def __init__(self, domain: int, log_folder: Path) -> None:
+        log_folder.mkdir(parents=True, exist_ok=True)
+        self._log_folder = log_folder
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+        self._environment = dict(
+            os.environ,
+            ROS_DOMAIN_ID=str(domain),
+            ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
+            ROS_LOG_DIR=str(log_folder),
+            PYTHONUNBUFFERED="1",
+        )
+        self._prctl = ctypes.CDLL(None).prctl
+
+    def __enter__(self) -> Nodes:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        for name in reversed(list(self._running)):
+            self.stop(name)
+
+    def start(self, name: str, parameters: Mapping[str, object]) -> None:
+        """Start the executable `name` of ours with these parameters."""
+        words = [word for key, value in parameters.items() for word in ("-p", f"{key}:={_as_yaml(value)}")]
+        command = [sys.executable, "-m", f"mild_ros.{name}_node", "--ros-args", *words]
+        with self._log(name).open("wb") as log:
+            self._running[name] = subprocess.Popen(
+                command,
+                env=self._environment,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,  # control-C reaches this process, which then ends them in order
+                preexec_fn=self._end_with_parent,
+            )
+
+    def has_ended(self, name: str) -> bool:
+        """Whether a node has ended by itself, and well.
+
+        Raises:
+            SetupError: It failed; the problem is the last thing that it said.
+        """
+        code = self._running[name].poll()
+        if code:
+            raise SetupError(f"node {name}", self._last_words(name, code), f"see {self._log(name)}")
+        return code == 0
+
+    def check(self, *but: str) -> None:
+        """Look after all nodes except `but`.
+
+        Raises:
+            SetupError: One has ended.
+        """
+        for name in self._running:
+            if name not in but and self.has_ended(name):
+                raise SetupError(f"node {name}", "has ended before its time", f"see {self._log(name)}")
+
+    def has_said(self, name: str, words: str) -> bool:
+        """Whether a node has printed `words`."""
+        return words in self._log(name).read_text(errors="replace")
+
+    def stop(self, name: str) -> None:
+        """End a node: ask, ask again, then end it."""
+        process = self._running.pop(name)
+        for number, patience_s in ((signal.SIGINT, POLITE_S), (signal.SIGTERM, FIRM_S), (signal.SIGKILL, FIRM_S)):
+            if process.poll() is None:
+                process.send_signal(number)
+            deadline = time.monotonic() + patience_s
+            while process.poll() is None and time.monotonic() < deadline:
+                time.sleep(0.01)
+        process.wait()
+
+    def _log(self, name: str) -> Path:
+        return self._log_folder / f"{name}.log"
+
+    def _last_words(self, name: str, code: int) -> str:
+        lines = [line.strip() for line in self._log(name).read_text(errors="replace").splitlines() if line.strip()]
+        said = lines[-1].removeprefix(f"mild_ros {name}: ") if lines else "said nothing"
+        return f"ended with code {code}: {said}"
+
+    def _end_with_parent(self) -> None:
+        self._prctl(_DIE_WITH_PARENT, signal.SIGTERM)
+
+
+def _as_yaml(value: object) -> str:
+    """A value as ROS reads it: in its YAML a bare `y` is true, so texts have quotes."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, int | float):
+        return repr(value)
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(_as_yaml(item) for item in value)}]"
+    return "'" + str(value).replace("'", "''") + "'"
