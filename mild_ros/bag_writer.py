@@ -189,10 +189,16 @@ class _WholeWrites(io.RawIOBase):
 
     def write(self, data: Any) -> int:
         """Write all of `data`."""
-        view = memoryview(data).cast("B")
         done = 0
-        while done < len(view):
-            done += self._raw.write(view[done:]) or 0
+        try:
+            with memoryview(data) as given, given.cast("B") as view:
+                while done < len(view):
+                    with view[done:] as rest:
+                        done += self._raw.write(rest) or 0
+        except OSError:
+            if isinstance(data, memoryview):
+                data.release()  # Python 3.12.1 dies collecting a view that a traceback has kept
+            raise
         return done
 
     def tell(self) -> int:
