@@ -46,7 +46,7 @@ def print_model(head: Mapping[str, Any], errors: Errors) -> None:
         return
     title = f"{head['model']}: protocol {head['protocol']}, {head['split']} trials, labels {head['labels']}"
     table = Table("interaction", title=title)
-    for column in ("error [rad²]", "± over windows", "windows", "trials"):
+    for column in ("error, rad²", "± over windows", "windows", "trials"):
         table.add_column(column, justify="right")
     for name, row in errors.interactions.items():
         table.add_row(name, _number(row.mse), _number(row.mse_std), str(row.windows), str(row.trials))
@@ -87,7 +87,7 @@ def overall_cells(rows: Sequence[Row]) -> list[list[str]]:
     """Header and lines of the comparison over all interactions, for `rich` and Markdown alike."""
     bars = list(dict.fromkeys(name for row in rows for name in row.relative))
     titles = {row.method: row.title for row in rows}
-    lines = [["method", "labels", "macro [rad²]", "95 %", "RMSE", *(f"vs {titles[name]}" for name in bars)]]
+    lines = [["method", "labels", "macro, rad²", "95 %", "RMSE", *(f"vs {titles[name]}" for name in bars)]]
     for row in rows:
         low, high = row.errors.macro_interval or (math.nan, math.nan)
         spread = "" if row.macro_std is None else f" ± {row.macro_std:.4f}"

@@ -46,7 +46,9 @@ def models(
 
 def _print(manifests: dict[str, Manifest], folder: Path) -> None:
     console = Console()
-    table = Table("model", "predicts", "moves", "error [rad²]", "recognised", title=str(folder))
+    table = Table(title=f"models in {folder}", title_justify="left")
+    for column in ("model", "predicts", "moves", "error, rad²", "recognised"):
+        table.add_column(column, no_wrap=column == "model")
     for name, manifest in manifests.items():
         ahead = (manifest.lead_frames + manifest.window - 1) / manifest.rate_hz
         table.add_row(
