@@ -121,9 +121,11 @@ def _ages(run: RecordedRun) -> tuple[FloatArray, FloatArray]:
     answers, ages, behind_ns, answered_ns = [], [], 0, -FOLLOWING_NS
     if run.commands is None or not ticks:
         return np.zeros(0), np.zeros(0)
+    last_tick_ns = max(ticks)
     for stamp_ns, arrived_ns in zip(run.commands.stamps_ns.tolist(), run.commands.arrived_ns.tolist(), strict=True):
         newest = int(np.searchsorted(skeletons, stamp_ns, side="right")) - 1
-        if stamp_ns not in ticks and newest >= 0:
+        near = newest >= 0 and stamp_ns - skeletons[newest] < FOLLOWING_NS
+        if stamp_ns not in ticks and near and stamp_ns < last_tick_ns:  # later fates were not recorded any more
             behind_ns, answered_ns = int(skeletons[newest]), stamp_ns
             answers.append((arrived_ns - behind_ns) * 1e-6)
         if stamp_ns - answered_ns < FOLLOWING_NS:
