@@ -114,7 +114,8 @@ def _is_of_tracker(fate: Handled) -> bool:
 def _ages(run: RecordedRun) -> tuple[FloatArray, FloatArray]:
     """Ages of answers and of all commands [ms], at their arrival in the recording.
 
-    Commands are sent at ticks, whose fates are told, and at once after a skeleton: those whose stamp is no tick's.
+    Commands are sent at ticks, whose fates are told, and at once after a skeleton: those whose stamp is no tick's. The
+    last ticks' fates are told after the recording has ended, so nothing is an answer to a skeleton of long ago.
     """
     ticks = {fate.stamp_ns for fate in run.fates if fate.outcome == "tick"}
     skeletons = np.array([person.stamp_ns for person in run.people], dtype=np.int64)
@@ -134,8 +135,8 @@ def _ages(run: RecordedRun) -> tuple[FloatArray, FloatArray]:
 
 
 def _told_ages(run: RecordedRun) -> tuple[float, float, float] | None:
-    """Source: the values "age of a command p50 [ms]" and so on of `mild_ros/diagnostics.py`."""
-    keys = [f"age of a command {name} [ms]" for name in ("p50", "p99", "max")]
+    """Source: the values "age of an answer p50 [ms]" and so on of the pipeline's diagnostics."""
+    keys = [f"age of an answer {name} [ms]" for name in ("p50", "p99", "max")]
     seconds = [values for told in run.diagnostics.values() for values in told if keys[0] in values]
     if not seconds:
         return None
