@@ -48,7 +48,7 @@ class Report:
     Attributes:
         answer_ages_ms: (A,) from a skeleton's stamp to the arrival of the first command based on it.
         command_ages_ms: (C,) the same for every command that is based on a skeleton: its newest one.
-        sent_ages_ms: What the pipeline says of its commands' ages when it sent them: the usual second's median, the
+        sent_ages_ms: What the pipeline says of its answers' ages when it sent them: the usual second's median, the
             worst second's 99th percentile, and the greatest; None when it said nothing.
         rates_hz: Messages per second by topic.
         fates: How tracker messages ended, by reason.
