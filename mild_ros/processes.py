@@ -15,7 +15,7 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from types import TracebackType
+from types import FrameType, TracebackType
 
 from mild_core.errors import SetupError
 
@@ -68,7 +68,7 @@ def _domains_in_use() -> set[int]:
 class Nodes:
     """Nodes of ours, ended in reverse order when the block is left, however it is left.
 
-    They also end when this process is killed.
+    SIGTERM ends this process in order too; and when it is killed outright, the nodes are with it.
 
     Args:
         domain: The ROS 2 domain they talk in.
@@ -89,11 +89,13 @@ class Nodes:
         self._prctl = ctypes.CDLL(None).prctl
 
     def __enter__(self) -> Nodes:
+        self._before = signal.signal(signal.SIGTERM, _interrupt)
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         for name in reversed(list(self._running)):
             self.stop(name)
+        signal.signal(signal.SIGTERM, self._before)
 
     def start(self, name: str, parameters: Mapping[str, object]) -> None:
         """Start the executable `name` of ours with these parameters."""
@@ -155,7 +157,11 @@ class Nodes:
         return f"ended with code {code}: {said}"
 
     def _end_with_parent(self) -> None:
-        self._prctl(_DIE_WITH_PARENT, signal.SIGTERM)
+        self._prctl(_DIE_WITH_PARENT, signal.SIGKILL)
+
+
+def _interrupt(_number: int, _frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
 
 
 def _as_yaml(value: object) -> str:
