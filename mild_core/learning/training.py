@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
+from mild_core.errors import DatasetError
 from mild_core.inference.priors import PRIORS
 from mild_core.inference.priors.prior import FitSettings, Prior
 from mild_core.learning.coordinates import Coordinates, plain_coordinates, principal_coordinates
@@ -84,15 +85,34 @@ def train(
 
     Raises:
         ValueError: There is no demonstration.
+        DatasetError: One is too short for the prior's components.
 
     Source: Algorithm 1 of MILD.
     """
     interactions = tuple(interactions or dict.fromkeys(d.interaction for d in demonstrations))
+    _require_length(demonstrations, protocol, settings)
     corpus = corpus_of(demonstrations, protocol, interactions)
     members = []
     for member in range(settings.members):
         members.append((yield from _train_member(corpus, settings, seed, member)))
     return TrainedModel(corpus.protocol, settings, seed, interactions, tuple(members))
+
+
+def _require_length(demonstrations: Sequence[Demonstration], protocol: Protocol, settings: TrainingSettings) -> None:
+    """Every trial must give the prior one step for each component.
+
+    Raises:
+        DatasetError: One does not.
+    """
+    for demonstration in demonstrations:
+        frames = len(demonstration.observed_m)
+        steps = -(-protocol.windows_of(-(-frames // protocol.keep_every)) // settings.stride)
+        if steps < settings.prior.components:
+            thing = f"trial {demonstration.trial} ({demonstration.interaction})"
+            problem = (
+                f"its {frames} frames give {steps} steps, fewer than the prior's {settings.prior.components} parts"
+            )
+            raise DatasetError(thing, problem, "leave it out or train with fewer components or a smaller stride")
 
 
 @contextmanager

@@ -24,8 +24,8 @@ def smooth_track(index, frames):
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory):
-    tracks = [smooth_track(index, 120 + index) for index in range(8)]
-    labels = [one_hot(index // 2, 120 + index) for index in range(8)]
+    tracks = [smooth_track(index, 320 + index) for index in range(8)]
+    labels = [one_hot(index // 2, 320 + index) for index in range(8)]
     return write(tmp_path_factory.mktemp("data") / "a.npz", tracks, labels)
 
 
@@ -67,7 +67,7 @@ def test_a_trained_folder_loads_and_carries_measured_errors(data, tmp_path, caps
     assert "0.0444 ± 0.0010" in card
     assert "mild train --preset ahead" in card
     assert run("evaluate", "--model", str(out), "--data", str(data), "--json") == 0
-    assert json.loads(capsys.readouterr().out)["windows"] == sum(120 + index - 79 for index in range(8))
+    assert json.loads(capsys.readouterr().out)["windows"] == sum(320 + index - 79 for index in range(8))
 
 
 def test_a_folder_without_measured_errors_says_so(data, tmp_path):
@@ -117,3 +117,12 @@ def test_ctrl_c_says_that_nothing_was_written_and_leaves_nothing(data, tmp_path,
     assert run("train", "--data", str(data), "--out", str(tmp_path / "made"), *QUICK) == 130
     assert "nothing was written" in capsys.readouterr().err
     assert not (tmp_path / "made").exists()
+
+
+def test_a_trial_too_short_for_the_prior_is_one_line(tmp_path, capsys):
+    tracks = [smooth_track(index, 120) for index in range(8)]
+    short = write(tmp_path / "short.npz", tracks, [one_hot(index // 2, 120) for index in range(8)])
+    assert run("train", "--preset", "ahead", "--data", str(short), "--out", str(tmp_path / "made"), *QUICK) == 2
+    told = capsys.readouterr().err
+    assert "120 frames" in told
+    assert "Traceback" not in told
