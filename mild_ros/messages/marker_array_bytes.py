@@ -19,10 +19,20 @@ _LITTLE_ENDIAN = b"\x00\x01"
 _BASE = 4
 _COUNT = struct.Struct("<I")
 _STAMP = struct.Struct("<iI")
+
+_EMPTY_TEXT = "I4x"
+_PLAIN = (
+    "3i{gap} 3d 56x 3f 4x 8x 4x"  # id, type, action; pose and scale; colour; lifetime; frame_locked
+    f" II {_EMPTY_TEXT} 8x {_EMPTY_TEXT} {_EMPTY_TEXT} II"  # points, colors; texture and its resource; uv_coordinates
+    f" {_EMPTY_TEXT} {_EMPTY_TEXT} {_EMPTY_TEXT} I x"  # text; mesh_resource, mesh_file; its materials
+)
+_PLAIN_BY_GAP = {gap: struct.Struct("<" + _PLAIN.format(gap=f" {gap}x" if gap else "")) for gap in (0, 4)}
+_PLAIN_LENGTHS = (0, 0, 1, 1, 1, 0, 0, 1, 1, 1, 0)
+"""Behind its names, a marker without texts, points and files has a fixed form: one look at the lengths shows it."""
+
 _NUMBERS = struct.Struct("<iii")
 _POSITION = struct.Struct("<3d")
 _COLOUR = struct.Struct("<3f")
-
 _POSE_AND_SCALE, _COLOUR_AND_LIFETIME = 80, 24
 _POINT, _POINT_COLOUR, _UV = 24, 16, 8
 
@@ -87,11 +97,16 @@ def marker_array_from_bytes(data: bytes) -> MarkerArray:
     """
     if data[:2] != _LITTLE_ENDIAN:
         raise DataError("wrong_layout", f"encapsulation {data[:2]!r} is not little-endian CDR")
+    markers: list[Marker] = []
+    names, header = b"", Header(Stamp(0, 0), "")
     try:
-        (count,) = _COUNT.unpack_from(data, _BASE)
-        markers, place = [], _BASE + 4
+        (count,), place = _COUNT.unpack_from(data, _BASE), _BASE + 4
         for _ in range(count):
-            marker, place = _marker(data, place)
+            place = _aligned(place, 4)
+            if not names or not data.startswith(names, place):  # most trackers repeat stamp, frame and namespace
+                header, behind = _header(data, place)
+                names = data[place:behind]
+            marker, place = _marker(data, _aligned(place + len(names), 4), header)
             markers.append(marker)
     except (struct.error, UnicodeDecodeError) as error:
         raise DataError("wrong_layout", f"no MarkerArray: {error}") from None
@@ -100,17 +115,32 @@ def marker_array_from_bytes(data: bytes) -> MarkerArray:
     return MarkerArray(markers)
 
 
-def _marker(data: bytes, place: int) -> tuple[Marker, int]:
-    place = _aligned(place, 4)
+def _header(data: bytes, place: int) -> tuple[Header, int]:
+    """The header, and the place behind it and the namespace."""
     stamp = Stamp(*_STAMP.unpack_from(data, place))
-    frame_id, place = _text(data, place + 8)
-    place = _aligned(_after_bytes(data, place), 4)  # ns
+    end = _after_bytes(data, place + 8)
+    return Header(stamp, data[place + 12 : end - 1].decode()), _after_bytes(data, end)
+
+
+def _marker(data: bytes, place: int, header: Header) -> tuple[Marker, int]:
+    """A marker from its id on, and the place behind it."""
+    gap = (_BASE - place - 12) % 8
+    form = _PLAIN_BY_GAP[gap]
+    if place + form.size <= len(data):
+        number, _, action, x, y, z, r, g, b, *lengths = form.unpack_from(data, place)
+        if tuple(lengths) == _PLAIN_LENGTHS:
+            return Marker(header, number, action, Pose(Position(x, y, z)), Colour(r, g, b)), place + form.size
     number, _, action = _NUMBERS.unpack_from(data, place)
-    place = _aligned(place + 12, 8)
+    place += 12 + gap
     position = Position(*_POSITION.unpack_from(data, place))
     place += _POSE_AND_SCALE
     colour = Colour(*_COLOUR.unpack_from(data, place))
-    place = _after_items(data, place + _COLOUR_AND_LIFETIME + 1, _POINT, 8)  # frame_locked, points
+    return Marker(header, number, action, Pose(position), colour), _behind(data, place + _COLOUR_AND_LIFETIME)
+
+
+def _behind(data: bytes, place: int) -> int:
+    """The place behind a marker, given the one behind its lifetime."""
+    place = _after_items(data, place + 1, _POINT, 8)  # frame_locked, points
     place = _after_items(data, place, _POINT_COLOUR, 4)  # colors
     place = _after_bytes(data, place)  # texture_resource
     place = _aligned(place, 4) + 8  # texture.header.stamp
@@ -119,16 +149,11 @@ def _marker(data: bytes, place: int) -> tuple[Marker, int]:
     place = _after_items(data, place, _UV, 4)  # uv_coordinates
     for _ in range(4):  # text, mesh_resource, mesh_file.filename, .data
         place = _after_bytes(data, place)
-    return Marker(Header(stamp, frame_id), number, action, Pose(position), colour), place + 1
+    return place + 1
 
 
 def _aligned(place: int, size: int) -> int:
     return place + (_BASE - place) % size
-
-
-def _text(data: bytes, place: int) -> tuple[str, int]:
-    end = _after_bytes(data, place)
-    return data[_aligned(place, 4) + 4 : end - 1].decode(), end
 
 
 def _after_bytes(data: bytes, place: int) -> int:

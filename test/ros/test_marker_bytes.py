@@ -29,7 +29,12 @@ NUMBER = st.floats(width=32, allow_nan=False)
 
 @st.composite
 def markers(draw: Any) -> Marker:
-    """Any marker, with lengths that shift everything behind them."""
+    """Any marker, with lengths that shift everything behind them; half of them plain spheres, as trackers send."""
+    if draw(st.booleans()):
+        position = Point(x=draw(st.floats()), y=draw(st.floats()), z=draw(st.floats()))
+        colour = ColorRGBA(r=draw(NUMBER), g=draw(NUMBER), b=draw(NUMBER), a=1.0)
+        header = Header(stamp=Time(sec=draw(st.integers(0, 1))), frame_id=draw(st.sampled_from(["camera", "depth"])))
+        return Marker(header=header, id=draw(st.integers(0, 99)), pose=Pose(position=position), color=colour)
     return Marker(
         header=Header(stamp=Time(sec=draw(st.integers(-5, 2**31 - 1)), nanosec=123), frame_id=draw(TEXT)),
         ns=draw(TEXT),
