@@ -34,6 +34,11 @@ _ENDED_BY = "ended_by"
 _NOTICE_S = 0.1
 """A node that has nothing to do notices a signal within this time."""
 
+LAST_DOMAIN = 232
+"""With a higher one DDS ends the process by itself: its ports would be above the last there is."""
+
+USAGE = "write --ros-args -p NAME:=VALUE -r TOPIC:=TOPIC"
+
 SETUP_ERROR = 2
 """Exit code of a wrong set-up, as of a wrong command line."""
 
@@ -92,14 +97,24 @@ def give_up(node: Node, error: SetupError) -> None:
 
 
 def _start_ros() -> None:
+    """Start rclpy.
+
+    Raises:
+        SetupError: The environment or the command line is wrong.
+    """
+    domain = os.environ.get("ROS_DOMAIN_ID") or "0"
+    if not (domain.isdecimal() and int(domain) <= LAST_DOMAIN):
+        raise SetupError("ROS_DOMAIN_ID", f"is '{domain}'", f"set it to a number from 0 to {LAST_DOMAIN}")
     try:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         words = remove_ros_args(sys.argv)[1:]
-    except Exception as error:  # rclpy has no common root for what it raises on bad arguments
+    except Exception as error:  # rclpy has no common root for what it raises
         problem = re.sub(r",? at /\S+", "", str(error).splitlines()[0])
-        raise SetupError("--ros-args", problem, "write --ros-args -p NAME:=VALUE -r TOPIC:=TOPIC") from None
+        if "logging" in problem:
+            raise SetupError("ROS log", problem, "set ROS_LOG_DIR to a folder that can be written") from None
+        raise SetupError("--ros-args", problem, USAGE) from None
     if words:
-        raise SetupError(words[0], "is no argument of a node", "write --ros-args -p NAME:=VALUE -r TOPIC:=TOPIC")
+        raise SetupError(words[0], "is no argument of a node", USAGE)
 
 
 def _spin(node: Node, interruption: _Interruption) -> None:

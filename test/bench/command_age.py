@@ -229,6 +229,8 @@ def track(source: str, golden: Path, rate_hz: float, seconds: float) -> None:
     start = time.monotonic() + 0.5
     for index, message in enumerate(sent):
         time.sleep(max(0.0, start + index / rate_hz - time.monotonic()))
+        if not rclpy.ok():
+            break
         publisher.publish(message.at(time.time_ns()))
     node.destroy_node()
     rclpy.try_shutdown()

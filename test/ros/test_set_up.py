@@ -126,6 +126,21 @@ def test_what_does_not_fit_the_model_is_one_line(
     refused(start("pipeline", model=random_model, **parameters), message.format(model=random_model))
 
 
+@pytest.mark.parametrize(
+    ("variable", "value", "message"),
+    [
+        ("ROS_DOMAIN_ID", "233", "ROS_DOMAIN_ID: is '233'; set it to a number from 0 to 232"),
+        ("ROS_DOMAIN_ID", "mine", "ROS_DOMAIN_ID: is 'mine'; set it to a number from 0 to 232"),
+        ("ROS_LOG_DIR", "/proc/nowhere", "ROS log: failed to initialize logging: "),
+    ],
+)
+def test_a_wrong_environment_is_one_line(
+    start: Callable[..., NodeProcess], monkeypatch: pytest.MonkeyPatch, variable: str, value: str, message: str
+) -> None:
+    monkeypatch.setenv(variable, value)
+    refused(start("simulation"), message)
+
+
 def test_help_lists_the_parameters() -> None:
     command = [sys.executable, "-m", "mild_ros.retargeting_node", "--help"]
     answer = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60, check=True)
