@@ -9,7 +9,7 @@ messages, and control ticks when that passes a point of the time grid: never by 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rclpy.clock import Clock as RosClock
 from rclpy.clock import ClockType
@@ -18,6 +18,9 @@ from rosgraph_msgs.msg import Clock
 
 from mild_ros.messages.stamps import NANOSECONDS_PER_SECOND, ns_from_msg
 from mild_ros.quality_of_service import CLOCK
+
+if TYPE_CHECKING:
+    from mild_ros.diagnostics import Diagnostics
 
 
 class ControlGrid:
@@ -49,17 +52,25 @@ class NodeClock:
 
     Args:
         node: Whose time; its `use_sim_time` decides which.
+        diagnostics: Where a missing `/clock` is told.
         on_tick: Called with now [ns] at each tick; None when the node needs none.
         rate_hz: Ticks per second.
     """
 
-    def __init__(self, node: Node, on_tick: Callable[[int], None] | None = None, rate_hz: float = 100.0) -> None:
+    def __init__(
+        self,
+        node: Node,
+        diagnostics: Diagnostics,
+        on_tick: Callable[[int], None] | None = None,
+        rate_hz: float = 100.0,
+    ) -> None:
         self.simulated: bool = node.get_parameter("use_sim_time").value
         self._clock = node.get_clock()
         self._simulated_ns = 0
-        self._on_tick = on_tick
+        self._on_tick, self._diagnostics = on_tick, diagnostics
         self._grid = ControlGrid(round(NANOSECONDS_PER_SECOND / rate_hz))
         if self.simulated:
+            diagnostics.expect("/clock")
             node.create_subscription(Clock, "/clock", self._on_clock, CLOCK)
         elif on_tick is not None:
             node.create_timer(1.0 / rate_hz, lambda: on_tick(self.now_ns()), clock=steady_clock())
@@ -70,6 +81,7 @@ class NodeClock:
 
     def _on_clock(self, message: Any) -> None:
         self._simulated_ns = ns_from_msg(message.clock)
+        self._diagnostics.flowed("/clock")
         if self._on_tick is not None and self._grid.due(self._simulated_ns):
             self._on_tick(self._simulated_ns)
 

@@ -60,6 +60,11 @@ class Diagnostics:
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         node.create_timer(PERIOD_S, self._report, clock=steady_clock())
 
+    def expect(self, topic: str) -> None:
+        """From now on silence on this topic is a warning too."""
+        self._expected = (topic, *self._expected)
+        self._streams.setdefault(topic, Stream())
+
     def flowed(self, topic: str, stamp_ns: int | None = None) -> None:
         """A message came or went; with its stamp, losses before it are told."""
         self._streams.setdefault(topic, Stream()).add(time.monotonic(), stamp_ns)

@@ -35,7 +35,7 @@ class PerceptionNode(Node):
         self._diagnostics.facts["model"] = parameters.model
         self._fates = Fates(self, parameters.report_handled)
         self._windows = self.create_publisher(PointCloud2, "feature_window", BETWEEN_STAGES)
-        self._time = NodeClock(self)
+        self._time = NodeClock(self, self._diagnostics)
         self._operator = OperatorServices(self, self._diagnostics, self._reset)
         tracker.listen(self, self._time, self._diagnostics, self._fates, self._on_sight)
         self.get_logger().info(f"watching the {parameters.side} arm for {parameters.model}")

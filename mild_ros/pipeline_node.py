@@ -45,7 +45,7 @@ class PipelineNode(Node):
         self._commanding = Commanding(self, self._diagnostics, self._request, parameters.enabled)
         topics = MotionTopics(self, model.manifest.interactions, self._diagnostics)
         self._inside = InsideTopics(self, topics, parameters.publish_intermediate)
-        self._time = NodeClock(self, self._on_tick, parameters.control_rate_hz)
+        self._time = NodeClock(self, self._diagnostics, self._on_tick, parameters.control_rate_hz)
         tracker.listen(self, self._time, self._diagnostics, self._fates, self._on_sight)
         self.create_subscription(JointState, "joint_states", self._on_joint_states, SENSOR)
         self.get_logger().info(f"{parameters.source} to {parameters.robot} through {parameters.model}")

@@ -39,7 +39,7 @@ class RetargetingNode(Node):
         self._diagnostics = Diagnostics(self, ("motion", "joint_states"), parameters.robot, self._look)
         self._fates = Fates(self, parameters.report_handled)
         self._commanding = Commanding(self, self._diagnostics, self._request, parameters.enabled)
-        self._time = NodeClock(self, self._on_tick, parameters.control_rate_hz)
+        self._time = NodeClock(self, self._diagnostics, self._on_tick, parameters.control_rate_hz)
         pairs = StampPairs(self._on_motion, self._on_single)
         self.create_subscription(JointTrajectory, "motion", pairs.left, BETWEEN_STAGES)
         self.create_subscription(PointCloud2, "motion_state", pairs.right, BETWEEN_STAGES)

@@ -47,7 +47,7 @@ class SimulationNode(Node):
         self._stepped_ns: int | None = None
         self._diagnostics = Diagnostics(self, expected=("joint_command",), hardware_id=f"simulated {robot.name}")
         self._states = self.create_publisher(JointState, "joint_states", STATE)
-        self._time = NodeClock(self, self._on_tick, parameters.rate_hz)
+        self._time = NodeClock(self, self._diagnostics, self._on_tick, parameters.rate_hz)
         self._publish(self._time.now_ns())
         if self._time.simulated:
             self._waiting = self.create_timer(UNTIL_CLOCK_S, self._before_clock, clock=steady_clock())

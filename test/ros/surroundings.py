@@ -9,15 +9,17 @@ from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import PoseArray
 from sensor_msgs.msg import JointState
-from visualization_msgs.msg import MarkerArray
 
-from mild_core.perception.skeletons import SOURCES
+from mild_core.perception.skeletons import SOURCES, SkeletonSource
 from mild_core.retargeting.robots import ROBOTS
 from mild_core.shapes import FloatArray
 from mild_core.signals import JointMeasurement, SkeletonFrame
 from mild_ros.messages.joint_state import joint_measurement_to_msg
 from mild_ros.messages.marker_array import people_to_marker_array
+from mild_ros.messages.pose_array import person_to_pose_array
+from mild_ros.messages.skeletons import ADAPTERS
 from mild_ros.scenes import SCENES, arm_track
 from mild_ros.simulation.person import bodies, skeleton_frames
 from test.ros.processes import Probe
@@ -91,13 +93,14 @@ class Person:
 
     Args:
         probe: The node that publishes it.
+        source: The tracker's convention.
     """
 
     RATE_HZ = 30.0
-    SOURCE = SOURCES["azure_kinect"]
 
-    def __init__(self, probe: Probe) -> None:
-        self.publisher = probe.node.create_publisher(MarkerArray, "skeleton", 100)
+    def __init__(self, probe: Probe, source: SkeletonSource = SOURCES["azure_kinect"]) -> None:
+        self._source = source
+        self.publisher = probe.node.create_publisher(ADAPTERS[source.message].message_type, "skeleton", 100)
         self._frames = list(skeleton_frames(bodies(arm_track(SCENES[1], self.RATE_HZ)), self.RATE_HZ, 0))
         self._start_ns = time.time_ns()
         self._sent = 0
@@ -119,4 +122,7 @@ class Person:
             confidence=still.confidence,
         )
         changed = change(seen)
-        self.publisher.publish(people_to_marker_array([changed] if changed else [], self.SOURCE))
+        if self._source.message == "pose_array":
+            self.publisher.publish(person_to_pose_array(changed, self._source) if changed else PoseArray())
+        else:
+            self.publisher.publish(people_to_marker_array([changed] if changed else [], self._source))

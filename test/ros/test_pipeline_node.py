@@ -17,24 +17,29 @@ from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
+from mild_core.perception.skeletons import SOURCES, SkeletonSource
 from mild_core.signals import SkeletonFrame
 from mild_ros.messages.feature_window import feature_window_from_msg
 from mild_ros.messages.motion import motion_from_msgs
 from mild_ros.messages.stamps import ns_from_msg
+from mild_ros.simulation.person import BODY_JOINTS
 from test.core.inference.random_model import INTERACTIONS
 from test.ros.processes import NodeProcess, Probe
 from test.ros.surroundings import OK, WARN, YUMI, Person, Surroundings
 
+AZURE_KINECT = SOURCES["azure_kinect"]
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+pytestmark = pytest.mark.slow
 
 
 class Room:
     """A person and a robot, and the pipeline node between them."""
 
-    def __init__(self, probe: Probe, name: str = "pipeline") -> None:
+    def __init__(self, probe: Probe, name: str = "pipeline", source: SkeletonSource = AZURE_KINECT) -> None:
         self.probe = probe
         self.around = Surroundings(probe, name)
-        self.person = Person(probe)
+        self.person = Person(probe, source)
 
     def live(self, done: Callable[[], Any], what: str, change: Callable[[SkeletonFrame], Any] = lambda it: it) -> None:
         """The person acts and the robot obeys until something has happened."""
@@ -100,6 +105,17 @@ def test_a_person_moves_the_robot_and_everybody_can_see_why(
     room.live(lambda: room.around.status()[2]["mode"] == "holding", "holding", lambda frame: None)
     room.live(lambda: room.around.commands_reach(YUMI.home_rad), "home again", lambda frame: None)
     assert room.counted("perception nobody")()
+
+
+def test_a_person_as_a_pose_array_moves_the_robot_too(
+    start: Callable[..., NodeProcess], probe: Probe, random_model: Path
+) -> None:
+    room = Room(probe, source=SOURCES["pose_array"].with_joints(BODY_JOINTS, "optical"))
+    told = {"source": "pose_array", "joint_names": BODY_JOINTS, "source_axes": "optical"}
+    start("pipeline", model=random_model, interaction="hand_shake", **told)
+    room.around.connect(room.person.publisher, room.around.states)
+    room.live(room.moved, "the robot moved")
+    room.live(room.counted("perception nobody"), "nobody counted", lambda frame: None)
 
 
 def spoilt(joint: str, value: float) -> Callable[[SkeletonFrame], SkeletonFrame]:

@@ -18,6 +18,8 @@ from mild_ros.messages.motion import motion_state_to_msg, motion_to_msg
 from test.ros.processes import NodeProcess, Probe
 from test.ros.surroundings import ERROR, WARN, YUMI, Surroundings
 
+pytestmark = pytest.mark.slow
+
 
 class Motions(Surroundings):
     """The surroundings of retargeting: somebody infers motions."""

@@ -17,6 +17,8 @@ from mild_core.inference.model import save_model
 from test.core.inference.random_model import manifest, paper_member, random_arrays
 from test.ros.processes import ROOT, NodeProcess, Probe, without_log_lines
 
+pytestmark = pytest.mark.slow
+
 
 def refused(node: NodeProcess, message: str) -> None:
     """It ends with code 2 and one line that begins with `message`."""

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import pytest
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
@@ -14,6 +15,8 @@ from mild_ros.messages.joint_state import joint_command_to_msg
 from mild_ros.messages.stamps import ns_from_msg, time_to_msg
 from test.ros.processes import NodeProcess, Probe
 from test.ros.surroundings import WARN, YUMI, Surroundings
+
+pytestmark = pytest.mark.slow
 
 
 def where(message: JointState) -> np.ndarray:
@@ -55,12 +58,13 @@ def test_it_stands_at_home_and_goes_where_it_is_told(start: Callable[..., NodePr
 
 
 def test_with_a_clock_it_moves_only_as_time_does(start: Callable[..., NodeProcess], probe: Probe) -> None:
+    around = Surroundings(probe, "simulation")
     states = probe.listen(JointState, "joint_states")
     orders = probe.node.create_publisher(JointState, "joint_command", 10)
     clock = probe.node.create_publisher(Clock, "/clock", 10)
     start("simulation", use_sim_time=True)
-    for publisher in (orders, clock):
-        probe.matched(publisher)
+    around.connect(orders, clock)
+    around.until_status(WARN, "no /clock yet")
     probe.until(lambda: len(states) > 3, "joint states before the clock starts")
     assert ns_from_msg(states[-1].header.stamp) == 0
     target = YUMI.home_rad + 0.2
