@@ -116,6 +116,7 @@ def test_a_person_as_a_pose_array_moves_the_robot_too(
     room.around.connect(room.person.publisher, room.around.states)
     room.live(room.moved, "the robot moved")
     room.live(room.counted("perception nobody"), "nobody counted", lambda frame: None)
+    assert room.around.status()[2]["interaction"] == "hand_shake"
 
 
 def spoilt(joint: str, value: float) -> Callable[[SkeletonFrame], SkeletonFrame]:
