@@ -21,8 +21,7 @@ class Coordinates:
         directions: (F, n) orthonormal; None: the F values themselves, untouched.
         scale: (n,) what each coordinate is divided by.
         errors: (n,) weight of a squared error in each coordinate, so that their weighted sum is the squared error of
-            the window within the span of `directions`, as a share of the windows' variance. For values themselves
-            plain ones: the sum of squared errors.
+            the window within the span of `directions`, as a share of the windows' variance.
     """
 
     mean: Tensor
@@ -48,9 +47,11 @@ class Coordinates:
         return (coordinates * self.scale) @ self.directions.T + self.mean
 
 
-def plain_coordinates(width: int) -> Coordinates:
-    """F values as they are."""
-    return Coordinates(torch.zeros(width), None, torch.ones(width), torch.ones(width))
+def plain_coordinates(windows: Tensor) -> Coordinates:
+    """The F values of windows (N, F) as they are."""
+    width = windows.shape[1]
+    variance = windows.to(torch.float64).var(dim=0, correction=0).sum()
+    return Coordinates(torch.zeros(width), None, torch.ones(width), torch.full((width,), 1.0 / float(variance)))
 
 
 def principal_coordinates(windows: Tensor, count: int, whitening: float) -> Coordinates:

@@ -50,3 +50,8 @@ class Demonstration:
     def frames(self) -> int:
         """T, the number of frames."""
         return len(self.observed_m)
+
+    @property
+    def partner(self) -> bool:
+        """Whether the controlled agent is a second person, told by positions, and no robot."""
+        return self.controlled.ndim == 3

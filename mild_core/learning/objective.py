@@ -20,7 +20,7 @@ from mild_core.learning.vae import MemberNetworks, Posterior
 class Terms:
     """The terms of the objective, means over the valid windows of a batch; tensors that gradients pass through.
 
-    Errors are shares of the variance of the windows (in plain coordinates: sums of squares).
+    Errors are shares of the variance of the windows.
 
     Attributes:
         prediction: Of the robot's window from the human's; zero before there is a prior.

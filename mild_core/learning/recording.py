@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from mild_core.errors import unknown_name
 from mild_core.learning.demonstration import Demonstration
+from mild_core.learning.windows import Protocol
 
 SPLITS = ("train", "test")
 
@@ -42,7 +43,7 @@ class Recording:
         file: Where it lies below the data folder.
         rate_hz: Frames per second.
         interactions: Their names, in the order of its labels.
-        touching: Those in which hands meet.
+        touching: Those in which hands meet and which tell where the person stood; none where no robot was there.
         observed_names: Observed joints, from the shoulder outwards.
         observed_side: "right" or "left" arm of the person.
         robot: Name in `retargeting.robots.ROBOTS`; "" when the controlled agent is a second person.
@@ -50,6 +51,7 @@ class Recording:
         licence: What is known of it.
         source: Who recorded it and where it is published.
         read: From the file to demonstrations; raises DatasetError.
+        protocols: How it is cut, by name: figures compare only within one of them.
     """
 
     name: str
@@ -65,6 +67,7 @@ class Recording:
     licence: str
     source: str
     read: Callable[[Path], Demonstrations]
+    protocols: Mapping[str, Protocol]
 
     def default_path(self) -> Path:
         """Below $MILD_DATA, or beside the checkout, where developers keep shared data."""

@@ -181,7 +181,7 @@ def window_coordinates(corpus: Corpus, settings: TrainingSettings) -> tuple[Coor
 
 
 def _coordinates(windows: Tensor, count: int, whitening: float) -> Coordinates:
-    return principal_coordinates(windows, count, whitening) if count else plain_coordinates(windows.shape[1])
+    return principal_coordinates(windows, count, whitening) if count else plain_coordinates(windows)
 
 
 def _pass(

@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -42,26 +43,40 @@ class Protocol:
         return max(0, frames - self.window + 1 - max(0, self.lead_frames + self.window - 1))
 
 
-PROTOCOLS = {
-    protocol.name: protocol
-    for protocol in (
-        Protocol("same", 1, 40, "positions", -39, "the human's last second tells the robot's same second (the paper)"),
-        Protocol("ahead", 1, 40, "positions", 1, "the human's last second tells the robot's next second"),
-        Protocol("next", 5, 5, "positions_velocities", 1, "at a fifth of the rate, five frames tell the next five"),
+def protocols(window: int, keep_every: int) -> Mapping[str, Protocol]:
+    """The three protocols of a recording, by name.
+
+    Args:
+        window: W of "same" and "ahead", at the recorded rate: one second of the YuMi recording, five frames of NuiSI.
+        keep_every: Of "next", whose windows have five frames: a fifth of the YuMi recording's rate, NuiSI's own.
+
+    Source: "same" is the protocol of the MILD paper, "next" that of the authors' later code.
+    """
+    same = "the person's last window tells the other agent's same window (the paper)"
+    ahead = "the person's last window tells the other agent's next window"
+    after = "five frames of the person, with their velocities, tell the other agent's next five"
+    return MappingProxyType(
+        {
+            "same": Protocol("same", 1, window, "positions", 1 - window, same),
+            "ahead": Protocol("ahead", 1, window, "positions", 1, ahead),
+            "next": Protocol("next", keep_every, 5, "positions_velocities", 1, after),
+        }
     )
-}
-"""Source: "same" is the protocol of the MILD paper, "next" that of the authors' later code."""
 
 
-def protocol_named(name: str) -> Protocol:
+PROTOCOLS = protocols(window=40, keep_every=5)
+"""Those of the YuMi recording, as the paper has them; those of another are its `Recording.protocols`."""
+
+
+def protocol_named(name: str, among: Mapping[str, Protocol] = PROTOCOLS) -> Protocol:
     """The protocol of that name.
 
     Raises:
         SetupError: There is none.
     """
-    if name not in PROTOCOLS:
-        raise unknown_name("protocol", name, PROTOCOLS)
-    return PROTOCOLS[name]
+    if name not in among:
+        raise unknown_name("protocol", name, among)
+    return among[name]
 
 
 @dataclass(frozen=True, eq=False)

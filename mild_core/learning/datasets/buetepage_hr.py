@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mild_core.errors import DatasetError
-from mild_core.learning.archive import REMEDY, read_archive
+from mild_core.learning.archive import REMEDY
+from mild_core.learning.datasets.traj_data import numbers, read_splits
 from mild_core.learning.demonstration import Demonstration
 from mild_core.learning.recording import Demonstrations, Recording
+from mild_core.learning.windows import protocols
 
 OBSERVED_COLUMNS, CONTROLLED_COLUMNS = 9, 7
 WRIST_COLUMN = 4
@@ -39,22 +40,13 @@ def read(path: Path) -> Demonstrations:
 
     Source: github.com/souljaboy764/phd_utils, data_preproc/buetepage_hr.
     """
-    arrays = read_archive(path, ("train_data", "train_labels", "test_data", "test_labels"))
-    parts = []
-    for split in ("train", "test"):
-        tracks, labels = arrays[f"{split}_data"], arrays[f"{split}_labels"]
-        if len(tracks) != len(labels):
-            problem = f"has {len(tracks)} trials but {len(labels)} labels in split '{split}'"
-            raise DatasetError(f"recording '{path}'", problem, REMEDY)
-        parts.append(tuple(_trial(path, split, i, *pair) for i, pair in enumerate(zip(tracks, labels, strict=True))))
-    return Demonstrations(*parts)
+    return read_splits(path, _trial)
 
 
-def _trial(path: Path, split: str, index: int, track: Any, labels: Any) -> Demonstration:
+def _trial(thing: str, index: int, track: Any, labels: Any) -> Demonstration:
     """One trial, checked."""
-    thing = f"trial {index} of split '{split}' in '{path}'"
-    track = _numbers(thing, "motion", track, OBSERVED_COLUMNS + CONTROLLED_COLUMNS)
-    labels = _numbers(thing, "labels", labels, len(BUETEPAGE_HR.interactions) + 1)
+    track = numbers(thing, "motion", track, OBSERVED_COLUMNS + CONTROLLED_COLUMNS)
+    labels = numbers(thing, "labels", labels, len(BUETEPAGE_HR.interactions) + 1)
     if len(labels) != len(track):
         raise DatasetError(thing, f"has {len(track)} frames but {len(labels)} labels", REMEDY)
     frames_of = labels[:, :-1].sum(axis=0)
@@ -75,20 +67,6 @@ def _trial(path: Path, split: str, index: int, track: Any, labels: Any) -> Demon
     )
 
 
-def _numbers(thing: str, what: str, values: Any, columns: int) -> NDArray[np.float64]:
-    """`values` as (T, columns) finite numbers, T at least 2."""
-    if not isinstance(values, np.ndarray) or values.dtype.kind not in "iufb":
-        raise DatasetError(thing, f"its {what} is no array of numbers", REMEDY)
-    if values.ndim != 2 or values.shape[1] != columns:
-        raise DatasetError(thing, f"its {what} has shape {values.shape}, expected (frames, {columns})", REMEDY)
-    if len(values) < 2:
-        raise DatasetError(thing, f"its {what} has {len(values)} frames", "leave the trial out")
-    if not np.isfinite(values).all():
-        frame = int(np.flatnonzero(~np.isfinite(values).all(axis=1))[0])
-        raise DatasetError(thing, f"its {what} is not finite in frame {frame}", "leave the trial out, or repair it")
-    return values.astype(np.float64)
-
-
 BUETEPAGE_HR = Recording(
     name="buetepage_hr",
     title="Bütepage et al.: a person and a YuMi robot",
@@ -105,4 +83,5 @@ BUETEPAGE_HR = Recording(
     "Frontiers in Robotics and AI 2020 (github.com/jbutepage/human_robot_interaction_data), as published in "
     "github.com/souljaboy764/phd_utils, data_preproc/buetepage_hr",
     read=read,
+    protocols=protocols(window=40, keep_every=5),
 )

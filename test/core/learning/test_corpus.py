@@ -87,5 +87,7 @@ def test_principal_coordinates_keep_what_they_span_and_weigh_errors_by_the_windo
     expected = (windows - windows.roll(1, 0)).square().sum(dim=1) / variance
     found = ((projected - projected.roll(1, 0)) ** 2 * coordinates.errors).sum(dim=1)
     np.testing.assert_allclose(found, expected, rtol=1e-3)
-    plain = plain_coordinates(12)
+    plain = plain_coordinates(windows)
     assert torch.equal(plain.restore(plain.project(windows)), windows)
+    untouched = ((windows - windows.roll(1, 0)) ** 2 * plain.errors).sum(dim=1)
+    np.testing.assert_allclose(untouched, expected, rtol=1e-4)
