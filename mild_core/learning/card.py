@@ -9,7 +9,6 @@ from typing import Any
 
 from mild_core.inference.manifest import Manifest
 from mild_core.learning.recording import Recording
-from mild_core.learning.windows import protocol_named
 
 LIMITS = """\
 - Learned from few trials with one robot: a person of other habits is a person it has not met.
@@ -30,7 +29,7 @@ def model_card(manifest: Manifest, recording: Recording, retrain: str) -> str:
         recording: That it learned from.
         retrain: The command that makes it again.
     """
-    protocol = protocol_named(manifest.protocol)
+    protocol = recording.protocols[manifest.protocol]
     training = manifest.training
     parts = [
         f"# Model card: {manifest.name}\n",

@@ -69,7 +69,7 @@ def jobs_of(recording: str, path: Path, protocol: str, methods: Sequence[str], s
         if method not in METHODS:
             raise unknown_name("method", method, METHODS)
     return tuple(
-        Job(recording, path, protocol_named(protocol).name, method, fold, seed)
+        Job(recording, path, protocol_named(protocol, DATASETS[recording].protocols).name, method, fold, seed)
         for method in methods
         for seed in range(seeds if METHODS[method].seeded else 1)
         for fold in range(FOLDS)
@@ -87,7 +87,7 @@ def run_job(job: Job) -> Result:
     Raises:
         DatasetError: The recording cannot be read.
     """
-    protocol = protocol_named(job.protocol)
+    protocol = DATASETS[job.recording].protocols[job.protocol]
     fold = folds_of(_read(job.recording, job.path).train)[job.fold]
     begin = time.perf_counter()
     predictor = METHODS[job.method].fit(fold.learned, protocol, job.seed)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from mild_core.errors import unknown_name
 from mild_core.learning.demonstration import Demonstration
+from mild_core.learning.units import ANGLES, POSITIONS, Unit
 from mild_core.learning.windows import Protocol
 
 SPLITS = ("train", "test")
@@ -68,6 +69,11 @@ class Recording:
     source: str
     read: Callable[[Path], Demonstrations]
     protocols: Mapping[str, Protocol]
+
+    @property
+    def unit(self) -> Unit:
+        """Of the controlled agent's motion, and so of errors."""
+        return ANGLES if self.robot else POSITIONS
 
     def default_path(self) -> Path:
         """Below $MILD_DATA, or beside the checkout, where developers keep shared data."""

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`traj_data.npz`, the layout that all these recordings are published in: motions and labels by split, checked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mild_core.errors import DatasetError
+from mild_core.learning.archive import REMEDY, read_archive
+from mild_core.learning.demonstration import Demonstration
+from mild_core.learning.recording import SPLITS, Demonstrations
+from mild_core.shapes import FloatArray
+
+TrialOf = Callable[[str, int, Any, Any], Demonstration]
+"""(what to call it in an error, index, motion, label) -> the trial."""
+
+
+def read_splits(path: Path, trial_of: TrialOf) -> Demonstrations:
+    """Read all trials of both splits.
+
+    Args:
+        path: The file.
+        trial_of: Makes one trial; raises DatasetError for a malformed one.
+
+    Raises:
+        DatasetError: The file cannot be read, or holds another number of labels than of trials.
+    """
+    arrays = read_archive(path, tuple(f"{split}_{what}" for split in SPLITS for what in ("data", "labels")))
+    parts = []
+    for split in SPLITS:
+        tracks, labels = arrays[f"{split}_data"], arrays[f"{split}_labels"]
+        if tracks.ndim == 0 or labels.ndim == 0 or len(tracks) != len(labels):
+            counts = [1 if array.ndim == 0 else len(array) for array in (tracks, labels)]
+            problem = f"has {counts[0]} trials but {counts[1]} labels in split '{split}'"
+            raise DatasetError(f"recording '{path}'", problem, REMEDY)
+        things = [f"trial {index} of split '{split}' in '{path}'" for index in range(len(tracks))]
+        parts.append(tuple(trial_of(things[i], i, *pair) for i, pair in enumerate(zip(tracks, labels, strict=True))))
+    return Demonstrations(*parts)
+
+
+def numbers(thing: str, what: str, values: Any, columns: int) -> NDArray[np.float64]:
+    """`values` as (T, columns) finite numbers, T at least 2.
+
+    Raises:
+        DatasetError: They are not; names `thing` and the first bad frame.
+    """
+    if not isinstance(values, np.ndarray) or values.dtype.kind not in "iufb":
+        raise DatasetError(thing, f"its {what} is no array of numbers", REMEDY)
+    if values.ndim != 2 or values.shape[1] != columns:
+        raise DatasetError(thing, f"its {what} has shape {values.shape}, expected (frames, {columns})", REMEDY)
+    if len(values) < 2:
+        raise DatasetError(thing, f"its {what} has {len(values)} frames", "leave the trial out")
+    if not np.isfinite(values).all():
+        frame = int(np.flatnonzero(~np.isfinite(values).all(axis=1))[0])
+        raise DatasetError(thing, f"its {what} is not finite in frame {frame}", "leave the trial out, or repair it")
+    return values.astype(np.float64)
+
+
+def numbered(thing: str, label: Any, interactions: tuple[str, ...]) -> str:
+    """The interaction that a trial's label numbers, from 0.
+
+    Raises:
+        DatasetError: It numbers none.
+    """
+    value = np.asarray(label)
+    if value.ndim or value.dtype.kind not in "iuf" or float(value) not in range(len(interactions)):
+        problem = f"its label is {str(label)[:40]}, expected a number from 0 to {len(interactions) - 1}"
+        raise DatasetError(thing, problem, REMEDY)
+    return interactions[int(value)]
+
+
+def from_the_shoulder(arm: FloatArray) -> FloatArray:
+    """An arm (T, 9) or (T, 3, 3), shoulder first, as (T, 3, 3) with its origin at the shoulder of the first frame."""
+    joints = arm.reshape(len(arm), -1, 3)
+    moved: FloatArray = joints - joints[0, 0]
+    return moved
