@@ -189,9 +189,9 @@ PAPER = TrainingSettings(
     averaging=0.0,
     members=1,
 )
-"""Source: the paper's section IV: sizes, samples and weights as printed, misprints corrected. At the printed rate of 1e-4
-it was still far from its best after as many epochs, so it learns at ten times that, falling to zero; errors are shares of
-the windows' variance, because the paper does not say in what units its beta weighs."""
+"""Source: the paper's section IV: sizes, samples and weights as printed, misprints corrected. At the printed rate of
+1e-4 it was still far from its best after as many epochs, so it learns at ten times that, falling to zero; errors are
+shares of the windows' variance, because the paper does not say in what units its beta weighs."""
 
 SAME = TrainingSettings(
     architecture=Architecture(encoder=("context", "window"), residual=("context", "window", "label")),
