@@ -9,6 +9,7 @@ from typing import Any
 
 from mild_core.inference.manifest import Manifest
 from mild_core.learning.recording import Recording
+from mild_core.learning.units import UNITS
 
 LIMITS = """\
 - Learned from few trials with one robot: a person of other habits is a person it has not met.
@@ -38,9 +39,9 @@ def model_card(manifest: Manifest, recording: Recording, retrain: str) -> str:
         f"with a {manifest.prior.kind.upper()} of {manifest.prior.components} components per interaction between them; "
         f"members whose answers are averaged: {len(manifest.members)}.\n",
         "## Intended use\n",
-        f"Moving the {len(manifest.controlled.joint_names)} joints of one arm of `{manifest.controlled.robot}` in "
-        f"answer to a person's {manifest.observed.side} arm ({', '.join(manifest.observed.joint_names)}), in research "
-        f"and teaching, through this package's retargeting. Interactions: {', '.join(manifest.interactions)}.\n",
+        f"{_moves(manifest)} in answer to a person's {manifest.observed.side} arm "
+        f"({', '.join(manifest.observed.joint_names)}), in research and teaching, through this package's retargeting. "
+        f"Interactions: {', '.join(manifest.interactions)}.\n",
         "## Data\n",
         f"{recording.title}: {recording.source}.\n",
         f"Licence: {recording.licence}. The recordings are not part of this package, and this folder stores none of "
@@ -58,6 +59,13 @@ def model_card(manifest: Manifest, recording: Recording, retrain: str) -> str:
     return "\n".join(parts)
 
 
+def _moves(manifest: Manifest) -> str:
+    """What the model is for."""
+    if manifest.controlled.kind == "human_arm":
+        return "Telling where the right arm of a second person would be, to be mapped onto a robot's,"
+    return f"Moving the {len(manifest.controlled.joint_names)} joints of one arm of `{manifest.controlled.robot}`"
+
+
 def cross_validation_entry(table: Mapping[str, Any], method: str) -> dict[str, Any]:
     """`errors` of a manifest from a table that `mild evaluate --cv` wrote.
 
@@ -68,7 +76,7 @@ def cross_validation_entry(table: Mapping[str, Any], method: str) -> dict[str, A
     Raises:
         ValueError: The table has no such method.
     """
-    keys = ("title", "labels", "macro_mean", "macro_std", "rmse_deg", "windows", "relative", "interactions")
+    keys = ("title", "labels", "macro_mean", "macro_std", rmse_key(table), "windows", "relative", "interactions")
     rows = [{key: row[key] for key in keys} for row in table["methods"] if row["method"] == method]
     if not rows:
         raise ValueError(f"the table has no method '{method}'")
@@ -77,8 +85,13 @@ def cross_validation_entry(table: Mapping[str, Any], method: str) -> dict[str, A
         for row in table["methods"]
         if row["method"] != method
     ]
-    about = {key: table[key] for key in ("protocol", "dataset", "folds", "seeds", "date")}
+    about = {key: table[key] for key in ("protocol", "dataset", "folds", "seeds", "date", "unit")}
     return {"cross_validation": {**about, "rows": rows, "others": others}}
+
+
+def rmse_key(table: Mapping[str, Any]) -> str:
+    """Under which key a table of errors holds the plain one."""
+    return f"rmse_{UNITS[table['unit']].key}"
 
 
 def errors_text(errors: Mapping[str, Any]) -> str:
@@ -86,22 +99,23 @@ def errors_text(errors: Mapping[str, Any]) -> str:
     found = errors.get("cross_validation")
     if not found:
         return "Not measured. `mild evaluate --cv` measures the method on trials that it has not seen.\n"
+    unit, key = UNITS[found["unit"]], rmse_key(found)
     lines = [
         f"Measured on {found['date']} by {found['folds']}-fold cross-validation over the training trials (a fold is "
         f"the index within the interaction modulo {found['folds']}), {found['seeds']} seeds, protocol "
         f"`{found['protocol']}`; mean ± standard deviation over seeds. The model in this folder learned from all "
         "training trials, so its own error on them says nothing.\n",
-        "| method | labels | macro [rad²] |",
+        f"| method | labels | macro [{unit.squared_shown}] |",
         "| --- | --- | ---: |",
     ]
     ranked = sorted([*found["rows"], *found["others"]], key=lambda row: float(row["macro_mean"]))
     lines += [f"| {row['title']} | {row['labels']} | {_spread(row)} |" for row in ranked]
     for row in found["rows"]:
         lines += ["", f"{row['title']}, labels {row['labels']}, mean ± standard deviation over windows:", ""]
-        lines += ["| interaction | error [rad²] | windows |", "| --- | ---: | ---: |"]
+        lines += [f"| interaction | error [{unit.squared_shown}] | windows |", "| --- | ---: | ---: |"]
         for name, one in row["interactions"].items():
             lines.append(f"| {name} | {one['mse']:.4f} ± {one['mse_std']:.4f} | {one['windows']} |")
-        lines += ["", f"Pooled RMSE {row['rmse_deg']:.1f}° over {row['windows']} windows."]
+        lines += ["", f"Pooled RMSE {row[key]:.1f}{unit.shown} over {row['windows']} windows."]
         lines += [f"{_against(name, relative)}" for name, relative in row["relative"].items()]
     return "\n".join(lines) + "\n"
 

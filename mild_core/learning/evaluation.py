@@ -38,10 +38,19 @@ class TrialErrors:
 
 @dataclass(frozen=True)
 class InteractionErrors:
-    """Errors over the windows of one interaction: mean and standard deviation of the squared error; None of none."""
+    """Errors over the windows of one interaction; None of none.
+
+    Attributes:
+        mse: Mean of the squared error [rad^2 or m^2].
+        mse_std: Its standard deviation over windows.
+        mean_absolute: Mean of the absolute error [rad or m].
+        windows: How many.
+        trials: How many.
+    """
 
     mse: float | None
     mse_std: float | None
+    mean_absolute: float | None
     windows: int
     trials: int
 
@@ -69,11 +78,6 @@ class Errors:
     windows: int
     trials: int
     covariance: FloatArray | None
-
-    @property
-    def pooled_rmse_deg(self) -> float | None:
-        """The pooled error in degrees; for joint angles only."""
-        return None if self.pooled_rmse is None else math.degrees(self.pooled_rmse)
 
 
 def errors_of_trial(demonstration: Demonstration, protocol: Protocol, predicted: FloatArray) -> TrialErrors:
@@ -114,13 +118,13 @@ def summarise(trials: Sequence[TrialErrors], interactions: Sequence[str], seed: 
         seed: Of the draws of trials.
     """
     trials = [trial for trial in trials if len(trial.squared)]
-    by_interaction = {name: [t.squared for t in trials if t.interaction == name] for name in interactions}
+    by_interaction = {name: [t for t in trials if t.interaction == name] for name in interactions}
     rows = {name: _row(parts) for name, parts in by_interaction.items()}
     if not trials:
         return Errors(rows, None, None, None, None, 0, 0, None)
     squared = np.concatenate([trial.squared for trial in trials])
     absolute = np.concatenate([trial.absolute for trial in trials])
-    groups = [parts for parts in by_interaction.values() if parts]
+    groups = [[trial.squared for trial in parts] for parts in by_interaction.values() if parts]
     return Errors(
         interactions=rows,
         macro_mse=float(np.mean([np.concatenate(parts).mean() for parts in groups])),
@@ -133,11 +137,12 @@ def summarise(trials: Sequence[TrialErrors], interactions: Sequence[str], seed: 
     )
 
 
-def _row(parts: Sequence[FloatArray]) -> InteractionErrors:
+def _row(parts: Sequence[TrialErrors]) -> InteractionErrors:
     if not parts:
-        return InteractionErrors(None, None, 0, 0)
-    squared = np.concatenate(parts)
-    return InteractionErrors(float(squared.mean()), float(squared.std()), len(squared), len(parts))
+        return InteractionErrors(None, None, None, 0, 0)
+    squared, absolute = (np.concatenate([getattr(part, name) for part in parts]) for name in ("squared", "absolute"))
+    mse, deviation = float(squared.mean()), float(squared.std())
+    return InteractionErrors(mse, deviation, float(absolute.mean()), len(squared), len(parts))
 
 
 def _interval(groups: Sequence[Sequence[FloatArray]], seed: int) -> tuple[float, float]:

@@ -39,7 +39,7 @@ class ModelFacts:
 
     Attributes:
         name: Of the model.
-        robot: Name in `retargeting.robots.ROBOTS`, or "human" for a partner's arm.
+        robot: Name in `retargeting.robots.ROBOTS`; of no account where a partner's arm is controlled.
         side: Arm of the person.
         placement: Where the person stands.
         training: For people: data set, licence, split, trials, seeds, revision.
@@ -91,14 +91,13 @@ def _manifest(
 ) -> Manifest:
     protocol, settings, first = trained.protocol, trained.settings, demonstrations[0]
     lengths = bone_lengths_m([d.observed_m for d in demonstrations])
-    robot = facts.robot != "human"
     return Manifest(
         name=facts.name,
         protocol=protocol.name,
         observed=ObservedAgent("human_arm", first.observed_names, "m", lengths, facts.side),
-        controlled=ControlledAgent(
-            "robot_joints" if robot else "human_arm", facts.robot, first.controlled_names, "rad" if robot else "m"
-        ),
+        controlled=ControlledAgent("human_arm", "human", first.controlled_names, "m")
+        if first.partner
+        else ControlledAgent("robot_joints", facts.robot, first.controlled_names, "rad"),
         rate_hz=first.rate_hz / protocol.keep_every,
         window=protocol.window,
         lead_frames=protocol.lead_frames,

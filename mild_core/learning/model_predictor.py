@@ -25,7 +25,7 @@ class Answers:
     """What inference said of a trial.
 
     Attributes:
-        predicted: (N, W, J) joint angles [rad].
+        predicted: (N, W, J) joint angles [rad], or (N, W, J, 3) the partner's arm [m].
         interactions: N, the interaction it acted upon; "" when it knew none.
         out_of_distribution: (N,) see `MotionWindow`.
     """
@@ -100,6 +100,9 @@ def require_fit(manifest: Manifest, protocol: Protocol, demonstrations: Sequence
                 manifest.observed.joint_names != trial.observed_names
             ),
             f"runs at {manifest.rate_hz:g} Hz, the recording at {rate_hz:g} Hz": manifest.rate_hz != rate_hz,
+            f"has windows of {manifest.window} frames, the recording's of {protocol.window}": (
+                manifest.window != protocol.window
+            ),
             f"does not know '{trial.interaction}', only {_listed(manifest.interactions)}": (
                 trial.interaction not in manifest.interactions
             ),

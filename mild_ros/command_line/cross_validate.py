@@ -53,12 +53,14 @@ def cross_validate(
         jobs = jobs_of(dataset, path, protocol, wanted, seeds)
         rows = compare(_run(jobs, workers, protocol), recording.interactions)
         about = {"dataset": dataset, "protocol": protocol, "folds": 4, "seeds": seeds, "date": _today()}
-        tables[protocol] = {**about, "cores": os.cpu_count(), "methods": rows_as_data(rows)}
+        about |= {"unit": recording.unit.squared}
+        tables[protocol] = {**about, "cores": os.cpu_count(), "methods": rows_as_data(rows, recording.unit)}
         out.mkdir(parents=True, exist_ok=True)
         (out / f"cross_validation_{protocol}.json").write_text(json.dumps(tables[protocol], indent=1) + "\n")
-        (out / f"cross_validation_{protocol}.md").write_text(markdown(rows))
+        (out / f"cross_validation_{protocol}.md").write_text(markdown(rows, recording.unit))
         if not as_json:
-            print_comparison(f"{dataset}, protocol {protocol}: 4 folds over the training trials, {seeds} seeds", rows)
+            title = f"{dataset}, protocol {protocol}: 4 folds over the training trials, {seeds} seeds"
+            print_comparison(title, rows, recording.unit)
             Console().print(f"written to {out}/cross_validation_{protocol}.json and .md", highlight=False)
     if as_json:
         print(json.dumps(tables if len(tables) > 1 else tables[protocols[0]], indent=1))

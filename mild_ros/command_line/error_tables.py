@@ -14,31 +14,42 @@ from rich.table import Table
 if TYPE_CHECKING:
     from mild_core.learning.comparison import Row
     from mild_core.learning.evaluation import Errors
+    from mild_core.learning.units import Unit
 
 
-def errors_as_data(errors: Errors) -> dict[str, Any]:
-    """Errors as plain data; a figure that does not exist is None."""
+def errors_as_data(errors: Errors, unit: Unit) -> dict[str, Any]:
+    """Errors as plain data; a figure that does not exist is None. Keys of plain errors end in their unit."""
+
+    def scaled(error: float | None) -> float | None:
+        return None if error is None else error * unit.scale
+
     rows = {
-        name: {"mse": row.mse, "mse_std": row.mse_std, "windows": row.windows, "trials": row.trials}
+        name: {
+            "mse": row.mse,
+            "mse_std": row.mse_std,
+            f"mean_absolute_{unit.key}": scaled(row.mean_absolute),
+            "windows": row.windows,
+            "trials": row.trials,
+        }
         for name, row in errors.interactions.items()
     }
     return {
         "macro": {"mse": errors.macro_mse, "interval": errors.macro_interval},
         "interactions": rows,
-        "rmse_deg": errors.pooled_rmse_deg,
-        "mean_absolute_deg": None if errors.mean_absolute is None else math.degrees(errors.mean_absolute),
+        f"rmse_{unit.key}": scaled(errors.pooled_rmse),
+        f"mean_absolute_{unit.key}": scaled(errors.mean_absolute),
         "windows": errors.windows,
         "trials": errors.trials,
-        "unit": "rad^2",
+        "unit": unit.squared,
     }
 
 
-def print_json(head: Mapping[str, Any], errors: Errors) -> None:
+def print_json(head: Mapping[str, Any], errors: Errors, unit: Unit) -> None:
     """One object on standard output."""
-    print(json.dumps({**head, **errors_as_data(errors)}, indent=1))
+    print(json.dumps({**head, **errors_as_data(errors, unit)}, indent=1))
 
 
-def print_model(head: Mapping[str, Any], errors: Errors) -> None:
+def print_model(head: Mapping[str, Any], errors: Errors, unit: Unit) -> None:
     """A table of one model's errors."""
     console = Console()
     if errors.macro_mse is None:
@@ -46,22 +57,24 @@ def print_model(head: Mapping[str, Any], errors: Errors) -> None:
         return
     title = f"{head['model']}: protocol {head['protocol']}, {head['split']} trials, labels {head['labels']}"
     table = Table("interaction", title=title)
-    for column in ("error, rad²", "± over windows", "windows", "trials"):
+    for column in (f"error, {unit.squared_shown}", "± over windows", "mean", "windows", "trials"):
         table.add_column(column, justify="right")
     for name, row in errors.interactions.items():
-        table.add_row(name, _number(row.mse), _number(row.mse_std), str(row.windows), str(row.trials))
+        cells = (_number(row.mse), _number(row.mse_std), unit.plain(row.mean_absolute))
+        table.add_row(name, *cells, str(row.windows), str(row.trials))
     table.add_section()
-    table.add_row("macro", _number(errors.macro_mse), "", str(errors.windows), str(errors.trials))
+    table.add_row("macro", _number(errors.macro_mse), "", "", str(errors.windows), str(errors.trials))
     console.print(table)
     low, high = errors.macro_interval or (math.nan, math.nan)
-    lines = [f"macro {_number(errors.macro_mse)} rad², 95 % of draws of trials within {low:.4f} to {high:.4f}"]
-    lines += [f"all windows: RMSE {errors.pooled_rmse_deg:.2f}°, mean {math.degrees(errors.mean_absolute or 0):.2f}°"]
+    macro = f"macro {_number(errors.macro_mse)} {unit.squared_shown}"
+    lines = [f"{macro}, 95 % of draws of trials within {low:.4f} to {high:.4f}"]
+    lines += [f"all windows: RMSE {unit.plain(errors.pooled_rmse)}, mean {unit.plain(errors.mean_absolute)}"]
     if head["recognised_share"] is not None:
         lines += [f"the right interaction in {head['recognised_share']:.1%} of the windows"]
     console.print("\n".join([*lines, *([head["note"]] if head["note"] else [])]), highlight=False, soft_wrap=True)
 
 
-def rows_as_data(rows: Sequence[Row]) -> list[dict[str, Any]]:
+def rows_as_data(rows: Sequence[Row], unit: Unit) -> list[dict[str, Any]]:
     """A comparison as plain data."""
     return [
         {
@@ -77,24 +90,25 @@ def rows_as_data(rows: Sequence[Row]) -> list[dict[str, Any]]:
             },
             "seconds": row.seconds,
             "residual_covariance": None if row.errors.covariance is None else row.errors.covariance.tolist(),
-            **errors_as_data(row.errors),
+            **errors_as_data(row.errors, unit),
         }
         for row in rows
     ]
 
 
-def overall_cells(rows: Sequence[Row]) -> list[list[str]]:
+def overall_cells(rows: Sequence[Row], unit: Unit) -> list[list[str]]:
     """Header and lines of the comparison over all interactions, for `rich` and Markdown alike."""
     bars = list(dict.fromkeys(name for row in rows for name in row.relative))
     titles = {row.method: row.title for row in rows}
-    lines = [["method", "labels", "macro, rad²", "95 %", "RMSE", *(f"vs {titles[name]}" for name in bars)]]
+    heads = ("method", "labels", f"macro, {unit.squared_shown}", "95 %", "RMSE", "mean")
+    lines = [[*heads, *(f"vs {titles[name]}" for name in bars)]]
     for row in rows:
         low, high = row.errors.macro_interval or (math.nan, math.nan)
         spread = "" if row.macro_std is None else f" ± {row.macro_std:.4f}"
         against = [f"{row.relative[name].change:+.0%}" if name in row.relative else "" for name in bars]
         macro = f"{row.macro_mean:.4f}{spread}"
-        rmse = f"{row.errors.pooled_rmse_deg or math.nan:.1f}°"
-        lines.append([row.title, row.labels, macro, f"{low:.3f} to {high:.3f}", rmse, *against])
+        plain = (unit.plain(row.errors.pooled_rmse), unit.plain(row.errors.mean_absolute))
+        lines.append([row.title, row.labels, macro, f"{low:.4f} to {high:.4f}", *plain, *against])
     return lines
 
 
@@ -108,10 +122,10 @@ def interaction_cells(rows: Sequence[Row]) -> list[list[str]]:
     return lines
 
 
-def print_comparison(title: str, rows: Sequence[Row]) -> None:
+def print_comparison(title: str, rows: Sequence[Row], unit: Unit) -> None:
     """Tables of all methods, the best first."""
     console = Console()
-    for name, lines in ((title, overall_cells(rows)), ("mean ± deviation over windows", interaction_cells(rows))):
+    for name, lines in ((title, overall_cells(rows, unit)), ("mean ± deviation over windows", interaction_cells(rows))):
         table = Table(title=name)
         for place, column in enumerate(lines[0]):
             table.add_column(column, justify="left" if place < 2 else "right", no_wrap=place < 3)
@@ -120,9 +134,9 @@ def print_comparison(title: str, rows: Sequence[Row]) -> None:
         console.print(table)
 
 
-def markdown(rows: Sequence[Row]) -> str:
+def markdown(rows: Sequence[Row], unit: Unit) -> str:
     """The same tables in Markdown."""
-    return "\n".join(_markdown_table(lines) for lines in (overall_cells(rows), interaction_cells(rows)))
+    return "\n".join(_markdown_table(lines) for lines in (overall_cells(rows, unit), interaction_cells(rows)))
 
 
 def _markdown_table(lines: Sequence[Sequence[str]]) -> str:

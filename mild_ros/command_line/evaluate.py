@@ -60,8 +60,9 @@ def evaluate(
 
         mild evaluate --cv --method mild --method kernel_ridge
 
-    Errors are squared differences of joint angles averaged over joints and window [rad²]; "macro" is the mean over the
-    interactions. JSON: `macro.mse`, `interactions.<name>.mse`, `.mse_std`, `.windows`.
+    Errors are squared differences of joint angles averaged over joints and window [rad²]; of two people squared
+    distances of the partner's joints [m²]; "macro" is the mean over the interactions. JSON: `macro.mse`,
+    `interactions.<name>.mse`, `.mse_std`, `.windows`, `rmse_deg` or `rmse_cm`, `mean_absolute_deg` or `_cm`.
     """
     from mild_core.learning.datasets import DATASETS
 
@@ -75,15 +76,24 @@ def evaluate(
     if cv:
         from mild_ros.command_line.cross_validate import cross_validate
 
-        cross_validate(dataset, path, _protocols(protocol, every), tuple(method or ()), seeds, workers, out, json)
+        cross_validate(
+            dataset,
+            path,
+            _protocols(DATASETS[dataset], protocol, every),
+            tuple(method or ()),
+            seeds,
+            workers,
+            out,
+            json,
+        )
         return
     _evaluate_model(model, DATASETS[dataset], path, protocol, split, labels, json)
 
 
-def _protocols(protocol: str, every: bool) -> tuple[str, ...]:
-    from mild_core.learning.windows import PROTOCOLS, protocol_named
+def _protocols(recording: Recording, protocol: str, every: bool) -> tuple[str, ...]:
+    from mild_core.learning.windows import protocol_named
 
-    return tuple(PROTOCOLS) if every else (protocol_named(protocol or "same").name,)
+    return tuple(recording.protocols) if every else (protocol_named(protocol or "same", recording.protocols).name,)
 
 
 def _evaluate_model(
@@ -100,7 +110,7 @@ def _evaluate_model(
     if labels not in LABELS:
         raise unknown_name("labels", labels, LABELS)
     model = load_model(model_folder(name))
-    protocol = protocol_named(protocol_name or model.manifest.protocol)
+    protocol = protocol_named(protocol_name or model.manifest.protocol, recording.protocols)
     require_fit(model.manifest, protocol, ())
     trials = recording.read(path).split(split)
     require_fit(model.manifest, protocol, trials)
@@ -108,7 +118,7 @@ def _evaluate_model(
     head: dict[str, Any] = {"model": model.manifest.name, "dataset": recording.name, "protocol": protocol.name}
     head |= {"split": split, "labels": labels, "recognised_share": right, "note": _note(split, path, len(trials))}
     summary = summarise(errors, recording.interactions)
-    (print_json if json else print_model)(head, summary)
+    (print_json if json else print_model)(head, summary, recording.unit)
 
 
 def _note(split: str, path: Path, trials: int) -> str:

@@ -94,7 +94,7 @@ def _measured(path: Path | None, protocol: str, method: str) -> dict[str, Any]:
         return {}
     try:
         table: dict[str, Any] = json.loads(path.read_text())
-        found = {row["labels"] for row in table["methods"] if row["method"] == method}
+        found = {row["labels"] for row in table["methods"] if row["method"] == method and table["unit"]}
     except (ValueError, KeyError, TypeError) as error:
         raise SetupError(str(path), f"is no table of a cross-validation ({error})", "run mild evaluate --cv") from None
     if table.get("protocol") != protocol or "given" not in found:

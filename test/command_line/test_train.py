@@ -42,7 +42,14 @@ def table(path, protocol):
         "interactions": {},
         "residual_covariance": (0.03 * np.eye(7)).tolist(),
     }
-    about = {"protocol": protocol, "dataset": "buetepage_hr", "folds": 4, "seeds": 3, "date": "2025-01-02"}
+    about = {
+        "protocol": protocol,
+        "dataset": "buetepage_hr",
+        "folds": 4,
+        "seeds": 3,
+        "date": "2025-01-02",
+        "unit": "rad^2",
+    }
     path.write_text(json.dumps({**about, "methods": [row]}))
     return path
 

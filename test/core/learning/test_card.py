@@ -28,7 +28,14 @@ def made_table():
         {**ours, "labels": "recognised", "macro_mean": 0.0444},
         {**bar, "macro_std": None},
     ]
-    about = {"protocol": "ahead", "dataset": "buetepage_hr", "folds": 4, "seeds": 3, "date": "2025-01-02"}
+    about = {
+        "protocol": "ahead",
+        "dataset": "buetepage_hr",
+        "folds": 4,
+        "seeds": 3,
+        "date": "2025-01-02",
+        "unit": "rad^2",
+    }
     return {**about, "methods": rows}
 
 

@@ -55,7 +55,7 @@ def test_macro_is_over_interactions_and_pooled_is_over_windows():
     assert errors.interactions["c"].mse is None
     assert errors.macro_mse == pytest.approx(5.0)
     assert errors.pooled_rmse == pytest.approx(math.sqrt(14 / 4))
-    assert errors.pooled_rmse_deg == pytest.approx(math.degrees(math.sqrt(14 / 4)))
+    assert errors.pooled_rmse == pytest.approx(math.sqrt(14 / 4))
     assert errors.mean_absolute == pytest.approx(sum(math.sqrt(v) for v in (1, 3, 2, 8)) / 4)
     assert (errors.windows, errors.trials) == (4, 3)
     np.testing.assert_allclose(errors.covariance, 14 / 4 * np.eye(2))
@@ -63,7 +63,7 @@ def test_macro_is_over_interactions_and_pooled_is_over_windows():
 
 def test_no_trials_are_no_errors_rather_than_zero():
     errors = summarise([], ("a",))
-    assert errors.macro_mse is errors.macro_interval is errors.pooled_rmse_deg is errors.mean_absolute is None
+    assert errors.macro_mse is errors.macro_interval is errors.pooled_rmse is errors.mean_absolute is None
     assert errors.interactions["a"].windows == errors.windows == errors.trials == 0
 
 
