@@ -8,6 +8,9 @@ from dataclasses import dataclass
 from mild_core.perception.skeletons import SOURCES
 from mild_ros.parameters import parameter
 
+FIRST_HEARD = "first message on {}"
+"""What the recorder says of a topic, for whoever waits for it."""
+
 
 @dataclass(frozen=True)
 class RecordParameters:

@@ -3,20 +3,23 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from mild_core.errors import SetupError
+from mild_ros.bag_settings import FIRST_HEARD
 from mild_ros.bags import open_bag
 from mild_ros.processes import Nodes, private_domain
 
 RECORDED = "recorded"
 """Folder of the bag that a run leaves."""
 
-PATIENCE_S = 180.0
-"""For nodes to start: the first start compiles."""
+PATIENCE_S = 600.0
+"""For nodes to start: the first start compiles, and a busy machine takes its time."""
 
 TOPICS = (
     *("skeleton", "joint_states", "joint_command", "motion", "motion_state", "interaction", "true_motion", "handled"),
@@ -81,6 +84,9 @@ def run_nodes(bag: Path, out: Path, options: RunOptions, progress: Progress) -> 
         nodes.start("record", {"bag": recorded.resolve(), "topics": TOPICS} | sim_time)
         told = {"model": options.model, "interaction": options.interaction, "robot": options.robot}
         nodes.start("pipeline", told | {"source": options.source, "report_handled": True} | sim_time)
+        # Only then does the bag start: whatever a recorder writes down has been discovered, loaded and is at work.
+        flowing = FIRST_HEARD.format("/joint_states" if options.lock_step else "/joint_command")
+        _until(lambda: nodes.has_said("record", flowing), nodes, lambda: progress("starting nodes", 0.0), PATIENCE_S)
         nodes.start("replay", _replay_parameters(bag, options))
         _until(lambda: nodes.has_said("replay", "replaying"), nodes, lambda: progress("starting nodes", 0.0))
         begin_s = time.monotonic()
@@ -110,10 +116,18 @@ def _replay_parameters(bag: Path, options: RunOptions) -> dict[str, object]:
     }
 
 
-def _until(happened: Callable[[], bool], nodes: Nodes, meanwhile: Callable[[], None]) -> None:
-    """Wait until `happened`, looking after the nodes."""
+def _until(
+    happened: Callable[[], bool], nodes: Nodes, meanwhile: Callable[[], None], patience_s: float = math.inf
+) -> None:
+    """Wait until `happened`, looking after the nodes.
+
+    Raises:
+        SetupError: One has failed, or it took longer than `patience_s`.
+    """
+    deadline_s = time.monotonic() + patience_s
     while not happened():
         nodes.check("replay")
-        nodes.has_ended("replay")
+        if time.monotonic() > deadline_s:
+            raise SetupError("nodes", f"not at work after {patience_s:.0f} s", f"see {nodes.log_folder}; ./mild doctor")
         meanwhile()
         time.sleep(LOOK_S)

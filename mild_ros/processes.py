@@ -22,6 +22,9 @@ from mild_core.errors import SetupError
 DOMAINS = range(1, 102)
 """Above it the ports of a domain reach into those that Linux hands out to anybody (32768 and up)."""
 
+DOMAIN_LOCK = "mild_ros-domain-{}.lock"
+"""Of whoever has a domain, in the folder for temporary files: runs and test sessions keep out of each other's way."""
+
 FIRST_PORT, PORTS_PER_DOMAIN = 7400, 250
 """Source: DDSI-RTPS 2.3, 9.6.1.1: the ports of a domain."""
 
@@ -41,7 +44,7 @@ def private_domain() -> Iterator[int]:
     """
     busy = _domains_in_use()
     for domain in random.sample([domain for domain in DOMAINS if domain not in busy], k=len(DOMAINS) - len(busy)):
-        lock = os.open(Path(tempfile.gettempdir(), f"mild_ros-domain-{domain}.lock"), os.O_CREAT | os.O_RDWR, 0o666)
+        lock = os.open(Path(tempfile.gettempdir(), DOMAIN_LOCK.format(domain)), os.O_CREAT | os.O_RDWR, 0o666)
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
@@ -73,11 +76,14 @@ class Nodes:
     Args:
         domain: The ROS 2 domain they talk in.
         log_folder: What each of them prints goes into a file there.
+
+    Attributes:
+        log_folder: That folder.
     """
 
     def __init__(self, domain: int, log_folder: Path) -> None:
         log_folder.mkdir(parents=True, exist_ok=True)
-        self._log_folder = log_folder
+        self.log_folder = log_folder
         self._running: dict[str, subprocess.Popen[bytes]] = {}
         self._environment = dict(
             os.environ,
@@ -124,13 +130,13 @@ class Nodes:
         return code == 0
 
     def check(self, *but: str) -> None:
-        """Look after all nodes except `but`.
+        """Look after all nodes; those in `but` may end.
 
         Raises:
-            SetupError: One has ended.
+            SetupError: One has failed, or ended before its time.
         """
         for name in self._running:
-            if name not in but and self.has_ended(name):
+            if self.has_ended(name) and name not in but:
                 raise SetupError(f"node {name}", "has ended before its time", f"see {self._log(name)}")
 
     def has_said(self, name: str, words: str) -> bool:
@@ -149,7 +155,7 @@ class Nodes:
         process.wait()
 
     def _log(self, name: str) -> Path:
-        return self._log_folder / f"{name}.log"
+        return self.log_folder / f"{name}.log"
 
     def _last_words(self, name: str, code: int) -> str:
         lines = [line.strip() for line in self._log(name).read_text(errors="replace").splitlines() if line.strip()]

@@ -15,7 +15,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from mild_core.errors import BagError, SetupError
-from mild_ros.bag_settings import RecordParameters
+from mild_ros.bag_settings import FIRST_HEARD, RecordParameters
 from mild_ros.bag_writer import create_bag
 from mild_ros.clock import steady_clock
 from mild_ros.parameters import declare
@@ -73,6 +73,8 @@ class RecordNode(Node):
     def _writer(self, topic: str, type_name: str) -> Callable[[bytes], None]:
         def write(data: bytes) -> None:
             with self._giving_up():
+                if not self._bag.counts[topic]:
+                    self.get_logger().info(FIRST_HEARD.format(topic))
                 self._bag.write(topic, type_name, self.get_clock().now().nanoseconds, data)
 
         return write

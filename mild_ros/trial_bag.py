@@ -22,8 +22,8 @@ from mild_ros.replay import TRUE_MOTION
 from mild_ros.simulation.person import bodies, skeleton_frames, with_neutral_second
 
 START_NS = 1_600_000_000_000_000_000
-NEUTRAL_S = 1.2
-"""The first pose is held for a little longer than the second that calibration needs."""
+NEUTRAL_S = 2.0
+"""The first pose is held for longer than the second that calibration needs: a busy machine may miss some messages."""
 
 
 def write_trial(

@@ -33,9 +33,9 @@ def _holds(path: Path) -> bool:
 
 
 def _free_domain() -> int:
-    """A domain that no other test session on this machine has."""
+    """A domain that no other test session, and no demo (mild_ros/processes.py), on this machine has."""
     for domain in range(1, LAST_DOMAIN + 1):
-        if _holds(Path(tempfile.gettempdir(), f"mild_ros-test-domain-{domain}.lock")):
+        if _holds(Path(tempfile.gettempdir(), f"mild_ros-domain-{domain}.lock")):
             return domain
     raise pytest.UsageError(f"all ROS 2 domains from 1 to {LAST_DOMAIN} are held by other test sessions")
 

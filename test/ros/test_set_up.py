@@ -113,7 +113,7 @@ def test_a_model_of_another_robot_is_refused(start: Callable[..., NodeProcess], 
             "interaction of model random: 'hand_shak' is unknown; did you mean",
         ),
         ({"source": "azure_kinetic"}, "parameter source: 'azure_kinetic' is unknown; did you mean 'azure_kinect'?"),
-        ({"joint_names": ["right_hand"]}, "parameter joint_names: azure_kinect numbers its joints"),
+        ({"joint_names": ["right_hand"]}, "parameter joint_names: azure_kinect names its joints"),
         ({"source": "pose_array"}, "joint_names: [] has no joints"),
         ({"source": "pose_array", "joint_names": ["right_hnd"]}, "joint_names: 'right_hnd' is unknown; did you mean"),
         (
@@ -133,14 +133,17 @@ def test_what_does_not_fit_the_model_is_one_line(
     [
         ("ROS_DOMAIN_ID", "233", "ROS_DOMAIN_ID: is '233'; set it to a number from 0 to 232"),
         ("ROS_DOMAIN_ID", "mine", "ROS_DOMAIN_ID: is 'mine'; set it to a number from 0 to 232"),
-        ("ROS_LOG_DIR", "/proc/nowhere", "ROS log: failed to initialize logging: "),
+        ("HOME", "/proc/nowhere", "ROS log: failed to initialize logging: "),
     ],
 )
 def test_a_wrong_environment_is_one_line(
     start: Callable[..., NodeProcess], monkeypatch: pytest.MonkeyPatch, variable: str, value: str, message: str
 ) -> None:
+    monkeypatch.delenv("ROS_LOG_DIR")
     monkeypatch.setenv(variable, value)
-    refused(start("simulation"), message)
+    node = start("simulation")
+    refused(node, message)
+    assert ("set ROS_LOG_DIR to a folder that can be written" in node.output()) == (variable == "HOME")
 
 
 def test_help_lists_the_parameters() -> None:
