@@ -179,10 +179,13 @@ def _write(
 
 
 def _placement(recording: Recording, trials: tuple[Demonstration, ...]) -> HumanPlacement:
-    """Where the person stood."""
+    """Where the person stood; where hands never met a robot that is not told, and nobody is asked."""
     from mild_core.learning.contact import fit_contact
+    from mild_core.learning.export import ORIGIN
     from mild_core.retargeting.robots import ROBOTS
 
+    if not recording.touching:
+        return ORIGIN
     return fit_contact(trials, ROBOTS[recording.robot], recording.touching).placement()
 
 

@@ -6,6 +6,9 @@ from __future__ import annotations
 from mild_core.learning.datasets.buetepage_hr import BUETEPAGE_HR
 from mild_core.learning.datasets.nuisi import NUISI
 from mild_core.learning.datasets.nuisi_v1 import NUISI_V1
+from mild_core.learning.datasets.pepper_nuisi import PEPPER_NUISI
 from mild_core.learning.recording import Recording
 
-DATASETS: dict[str, Recording] = {recording.name: recording for recording in (BUETEPAGE_HR, NUISI, NUISI_V1)}
+DATASETS: dict[str, Recording] = {
+    recording.name: recording for recording in (BUETEPAGE_HR, NUISI, PEPPER_NUISI, NUISI_V1)
+}

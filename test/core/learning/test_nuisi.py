@@ -7,6 +7,7 @@ import pytest
 from mild_core.errors import DatasetError
 from mild_core.learning.datasets import DATASETS
 from mild_core.learning.datasets.nuisi_v1 import JOINTS
+from mild_core.learning.datasets.pepper_nuisi import PEPPER_NUISI, published_angles
 from test.core.learning.test_buetepage_hr import object_array
 
 COLUMNS = {"nuisi": 18, "nuisi_v1": 60}
@@ -96,3 +97,31 @@ def test_the_published_recording(mild_data, name, trials):
         # At rest the hand hangs below the shoulder: z is up.
         rest = np.median([getattr(trial, arm)[0] for trial in read.train], axis=0)
         assert rest[2, 2] < -0.3
+
+
+def arm(upper, fore):
+    return np.array([[np.zeros(3), upper, np.add(upper, fore)]], dtype=float)
+
+
+@pytest.mark.parametrize(
+    ("upper", "fore", "angles"),
+    [
+        # Hanging; straight ahead; bent to the left in the level plane; bent upwards; straight to the right.
+        ((0, 0, -1), (0, 0, -1), (np.pi / 2, -0.0087, 0.0, 0.0087)),
+        ((1, 0, 0), (1, 0, 0), (0.0, -0.0087, 0.0, 0.0087)),
+        ((1, 0, 0), (1, 1, 0), (0.0, -0.0087, 0.0087, np.pi / 4)),
+        ((1, 0, 0), (1, 0, 1), (0.0, -0.0087, np.pi / 3, np.pi / 4)),
+        ((0, -1, -0.001), (0, -1, 0), (np.pi / 2, -1.562, 0.0, 0.0087)),
+    ],
+)
+def test_the_published_mapping_at_poses_worked_out_by_hand(upper, fore, angles):
+    # Where the shoulder's roll is clipped to half a degree, the other angles move by as much at most.
+    np.testing.assert_allclose(published_angles(arm(upper, fore))[0], angles, atol=0.02)
+
+
+def test_pepper_is_the_second_person_mapped(tmp_path):
+    path = write(tmp_path / "a.npz", [track("nuisi", 0)], [2])
+    people, pepper = DATASETS["nuisi"].read(path).train[0], PEPPER_NUISI.read(path).train[0]
+    np.testing.assert_array_equal(pepper.observed_m, people.observed_m)
+    np.testing.assert_array_equal(pepper.controlled, published_angles(people.controlled))
+    assert (pepper.interaction, pepper.controlled.shape, pepper.partner) == ("rocket", (20, 4), False)
