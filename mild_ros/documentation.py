@@ -67,6 +67,10 @@ TOPICS = (
         "where the robot is; no command before the first",
     ),
     Topic(
+        *("camera/image_raw", "sensor_msgs/Image", "simulation", "people"),
+        "the simulated robot; only with `camera_rate_hz`",
+    ),
+    Topic(
         *("handled", "std_msgs/Header", "every stage", "replay"),
         "the fate of each input, for a replay in lock-step; only with `report_handled`",
     ),

@@ -130,6 +130,10 @@ class SimulationParameters:
     robot_description: str = parameter("", "Path of a URDF to use in place of our own; empty for our own.")
     gui: bool = parameter(False, "Open a window with the robot.")
     rate_hz: float = parameter(100.0, "Messages on `joint_states` per second.", unit="Hz", minimum=10.0, maximum=240.0)
+    camera_rate_hz: float = parameter(
+        0.0, "Pictures on `camera/image_raw` per second; each stops the robot's time for about 20 ms.", unit="Hz",
+        minimum=0.0, maximum=15.0,
+    )  # fmt: skip
 
 
 NODES = {

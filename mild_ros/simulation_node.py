@@ -8,19 +8,20 @@ from pathlib import Path
 from typing import Any
 
 from rclpy.node import Node
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import Image, JointState
 
 from mild_core.errors import DataError, SetupError
 from mild_core.retargeting.robots import ROBOTS
 from mild_core.signals import JointCommand
 from mild_ros.clock import NodeClock, steady_clock
 from mild_ros.diagnostics import Diagnostics
+from mild_ros.messages.image import image_to_msg
 from mild_ros.messages.joint_state import joint_command_from_msg, joint_measurement_to_msg
 from mild_ros.parameters import declare
 from mild_ros.quality_of_service import COMMAND, STATE
 from mild_ros.running import run
 from mild_ros.settings import SimulationParameters
-from mild_ros.simulation.backend import Scene
+from mild_ros.simulation.backend import Camera, Scene
 from mild_ros.simulation.bullet import BulletRobot
 
 LONGEST_STEP_NS = 100_000_000
@@ -49,6 +50,9 @@ class SimulationNode(Node):
         self._states = self.create_publisher(JointState, "joint_states", STATE)
         self._time = NodeClock(self, self._diagnostics, self._on_tick, parameters.rate_hz)
         self._publish(self._time.now_ns())
+        if parameters.camera_rate_hz:
+            self._images = self.create_publisher(Image, "camera/image_raw", STATE)
+            self.create_timer(1.0 / parameters.camera_rate_hz, self._photograph)
         if self._time.simulated:
             self._waiting = self.create_timer(UNTIL_CLOCK_S, self._before_clock, clock=steady_clock())
         self.create_subscription(JointState, "joint_command", self._on_command, COMMAND)
@@ -76,6 +80,11 @@ class SimulationNode(Node):
     def _publish(self, now_ns: int) -> None:
         self._states.publish(joint_measurement_to_msg(self._robot.measure(now_ns)))
         self._diagnostics.flowed("joint_states")
+
+    def _photograph(self) -> None:
+        if self._images.get_subscription_count():
+            pixels = self._robot.render(Camera(smoothing=1))
+            self._images.publish(image_to_msg(pixels, self._time.now_ns(), "camera"))
 
     def _before_clock(self) -> None:
         if self._stepped_ns is None:

@@ -3,12 +3,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from mild_core.signals import JointCommand, JointMeasurement
 
@@ -60,9 +59,6 @@ class SimulatedRobot(Protocol):
 
     def measure(self, stamp_ns: int) -> JointMeasurement:
         """Where all movable joints are, the commanded ones first."""
-
-    def set_person(self, joints_m: Mapping[str, ArrayLike]) -> None:
-        """Show a person with these joints, by name, each (3,) in the robot's base frame; none removes the person."""
 
     def render(self, camera: Camera) -> NDArray[np.uint8]:
         """A picture: (height, width, 3), red, green and blue."""

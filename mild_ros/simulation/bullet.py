@@ -7,7 +7,6 @@ tuples instead of arrays.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from types import ModuleType, TracebackType
 from typing import Any
@@ -19,7 +18,6 @@ from mild_core.errors import SetupError
 from mild_core.retargeting.robot import RobotModel
 from mild_core.signals import JointCommand, JointMeasurement
 from mild_ros.simulation.backend import Camera, Scene
-from mild_ros.simulation.figure import BONES, Bone, capsule, finite_joints, quaternion_from_z
 from mild_ros.simulation.quiet import quiet_terminal
 
 PHYSICS_RATE_HZ = 240
@@ -35,12 +33,6 @@ WOOD, METAL, FLOOR = (0.82, 0.76, 0.68, 1.0), (0.45, 0.46, 0.48, 1.0), (0.93, 0.
 
 BACKGROUND = (250, 226)
 """Grey of a picture where nothing is, top and bottom."""
-
-HIDDEN_M = (0.0, 0.0, -1e3)
-"""Where a bone is put whose joints nobody sees."""
-
-STRETCH = 0.1
-"""Share by which a bone may change its length before it is made anew."""
 
 
 def load_pybullet() -> ModuleType:
@@ -86,7 +78,6 @@ class BulletRobot:
             self._client: int = self._bullet.connect(self._bullet.GUI if gui else self._bullet.DIRECT)
         if self._client < 0:
             raise SetupError("simulation", "PyBullet opens no window", "run without --gui or on a desktop")
-        self._figure: list[tuple[int, float]] = []
         self._owed_s = 0.0
         try:
             self._bullet.setTimeStep(1.0 / PHYSICS_RATE_HZ, physicsClientId=self._client)
@@ -179,47 +170,6 @@ class BulletRobot:
         numbers = [number for number, _ in self._joints.values()]
         states = self._bullet.getJointStates(self._body, numbers, physicsClientId=self._client)
         return JointMeasurement(stamp_ns, tuple(self._joints), np.array([state[0] for state in states]))
-
-    def set_person(self, joints_m: Mapping[str, ArrayLike]) -> None:
-        """Show a person with these joints, by name, each (3,) in the robot's base frame; none hides the person."""
-        joints = finite_joints(joints_m)
-        self._figure = self._figure or [(-1, 0.0)] * len(BONES)
-        for place, bone in enumerate(BONES):
-            if bone.start in joints and bone.end in joints:
-                self._figure[place] = self._placed(bone, self._figure[place], joints[bone.start], joints[bone.end])
-            elif self._figure[place][0] >= 0:
-                self._put(self._figure[place][0], HIDDEN_M, (0.0, 0.0, 0.0, 1.0))
-
-    def _placed(
-        self, bone: Bone, made: tuple[int, float], start: NDArray[np.float64], end: NDArray[np.float64]
-    ) -> tuple[int, float]:
-        """The body of `bone` and its length, moved between `start` and `end`; made anew where its length changed."""
-        body, length = made
-        wanted = float(np.linalg.norm(end - start))
-        if body < 0 or abs(wanted - length) > STRETCH * max(length, 0.05):
-            if body >= 0:
-                self._bullet.removeBody(body, physicsClientId=self._client)
-            body, length = self._round_body(bone, wanted), wanted
-        turn = quaternion_from_z((end - start) / wanted) if wanted > 1e-6 else (0.0, 0.0, 0.0, 1.0)
-        self._put(body, tuple(((start + end) / 2.0).tolist()), turn)
-        return body, length
-
-    def _round_body(self, bone: Bone, length: float) -> int:
-        bullet, where = self._bullet, {"physicsClientId": self._client}
-        mesh = capsule(bone.radius_m, length)
-        shape = bullet.createVisualShape(
-            bullet.GEOM_MESH,
-            vertices=mesh.vertices_m.tolist(),
-            normals=mesh.normals.tolist(),
-            indices=mesh.triangles.ravel().tolist(),
-            rgbaColor=bone.rgba,
-            **where,
-        )
-        body: int = bullet.createMultiBody(0.0, -1, shape, **where)
-        return body
-
-    def _put(self, body: int, place: tuple[float, ...], turn: tuple[float, ...]) -> None:
-        self._bullet.resetBasePositionAndOrientation(body, place, turn, physicsClientId=self._client)
 
     def _furnish(self, scene: Scene) -> None:
         if scene.table:

@@ -18,7 +18,6 @@ from mild_core.retargeting.robots import ROBOTS
 from mild_core.signals import JointCommand
 from mild_ros.simulation.backend import Camera, Scene
 from mild_ros.simulation.bullet import PHYSICS_RATE_HZ, BulletRobot
-from mild_ros.simulation.figure import capsule, quaternion_from_z
 
 YUMI = ROBOTS["yumi"]
 CAMERA = Camera(width=160, height=120, smoothing=1)
@@ -89,7 +88,7 @@ def test_commands_that_make_no_sense_change_nothing(simulated: BulletRobot) -> N
     np.testing.assert_allclose(simulated.measure(0).positions_rad[:7], YUMI.home_rad, atol=np.deg2rad(0.1))
 
 
-def test_a_picture_shows_the_robot_and_the_person(simulated: BulletRobot) -> None:
+def test_a_picture_shows_the_robot(simulated: BulletRobot) -> None:
     empty = simulated.render(CAMERA)
     assert empty.shape == (120, 160, 3)
     assert empty.dtype == np.uint8
@@ -98,32 +97,6 @@ def test_a_picture_shows_the_robot_and_the_person(simulated: BulletRobot) -> Non
     moved = simulated.render(CAMERA)
     # An arm that moves changes more than a hundredth of the picture.
     assert np.mean(np.any(moved != empty, axis=2)) > 0.01
-    person = {"right_shoulder": (0.8, 0.1, 0.5), "right_elbow": (0.7, 0.1, 0.2), "right_wrist": (0.5, 0.1, 0.2)}
-    simulated.set_person(person)
-    with_person = simulated.render(CAMERA)
-    assert np.mean(np.any(with_person != moved, axis=2)) > 0.01
-    simulated.set_person(person | {"right_wrist": (0.5, 0.1, 0.45)})
-    assert np.any(simulated.render(CAMERA) != with_person)
-    simulated.set_person({"right_wrist": (np.nan, 0, 0)})
-    assert np.array_equal(simulated.render(CAMERA), moved)
-
-
-def test_a_capsule_is_closed_and_round() -> None:
-    mesh = capsule(0.1, 0.4)
-    assert np.ptp(mesh.vertices_m[:, 2]) == pytest.approx(0.4 + 2 * 0.1)
-    corners = mesh.vertices_m[mesh.triangles]
-    outward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    volume = np.einsum("fi,fi->", corners[:, 0], outward) / 6
-    # A polygon of twenty corners holds 98.4 % of its circle; the divergence theorem needs every triangle outward.
-    assert volume == pytest.approx(np.pi * 0.1**2 * 0.4 + 4 / 3 * np.pi * 0.1**3, rel=0.04)
-    assert volume > 0
-
-
-@pytest.mark.parametrize("direction", [(0, 0, 1), (0, 0, -1), (1, 0, 0), (0.6, -0.64, 0.48)])
-def test_the_turn_from_z_ends_in_the_direction(direction: tuple[float, float, float]) -> None:
-    x, y, z, w = quaternion_from_z(np.array(direction, dtype=float))
-    turned = (2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y))
-    np.testing.assert_allclose(turned, direction, atol=1e-12)
 
 
 def test_bad_descriptions_are_one_clear_line(tmp_path: Path) -> None:

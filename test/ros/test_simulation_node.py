@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import Image, JointState
 
 from mild_core.signals import JointCommand
 from mild_ros.messages.joint_state import joint_command_to_msg
@@ -28,8 +28,9 @@ def where(message: JointState) -> np.ndarray:
 def test_it_stands_at_home_and_goes_where_it_is_told(start: Callable[..., NodeProcess], probe: Probe) -> None:
     around = Surroundings(probe, "simulation")
     states = probe.listen(JointState, "joint_states")
+    pictures = probe.listen(Image, "camera/image_raw")
     orders = probe.node.create_publisher(JointState, "joint_command", 10)
-    start("simulation")
+    start("simulation", camera_rate_hz=2.0)
     around.connect(orders)
     probe.until(lambda: states, "joint states before any command")
     # A tenth of a degree: the arm holds itself against gravity.
@@ -55,6 +56,12 @@ def test_it_stands_at_home_and_goes_where_it_is_told(start: Callable[..., NodePr
     probe.until(told, "the target reached")
     stamps = [ns_from_msg(message.header.stamp) for message in states]
     assert np.all(np.diff(stamps) > 0)
+
+    taken, seen = ns_from_msg(states[-1].header.stamp), len(pictures)
+    probe.until(lambda: len(pictures) > seen and ns_from_msg(pictures[-1].header.stamp) > taken, "a new picture")
+    first, last = (np.frombuffer(pictures[place].data, np.uint8).reshape(480, 640, 3) for place in (0, -1))
+    # An arm that moves changes more than a thousandth of the picture.
+    assert np.mean(np.any(first != last, axis=2)) > 1e-3
 
 
 def test_with_a_clock_it_moves_only_as_time_does(start: Callable[..., NodeProcess], probe: Probe) -> None:
