@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from mild_core.inference.stage import Inference, InferenceState
 from mild_core.perception.stage import Perception, PerceptionState
 from mild_core.retargeting.stage import Request, Retargeting, RetargetingState
-from mild_core.signals import FeatureWindow, JointCommand, JointMeasurement, MotionWindow, SkeletonFrame
+from mild_core.signals import FeatureWindow, JointCommand, JointMeasurement, MotionWindow, PersonPose, SkeletonFrame
 
 People = tuple[SkeletonFrame, ...]
 """Everyone in one tracker message; empty when it sees nobody."""
@@ -37,6 +37,7 @@ class PipelineOutput:
     windows: tuple[FeatureWindow, ...] = ()
     motions: tuple[MotionWindow, ...] = ()
     commands: tuple[JointCommand, ...] = ()
+    person: PersonPose | None = None
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,10 @@ class Pipeline:
             inference, new_motions = self.inference.step(inference, window, now_ns)
             motions += new_motions
         retargeting, commands = state.retargeting, ()
+        if perception.person is not None:
+            retargeting, _ = self.retargeting.step(retargeting, perception.person, now_ns)
         for motion in motions:
             retargeting, new_commands = self.retargeting.step(retargeting, motion, now_ns)
             commands += new_commands
-        return PipelineState(perception, inference, retargeting), PipelineOutput(windows, motions, commands)
+        output = PipelineOutput(windows, motions, commands, perception.person)
+        return PipelineState(perception, inference, retargeting), output

@@ -2,6 +2,7 @@
 """The values that travel from a person's skeleton to a robot's command.
 
     SkeletonFrame -> FeatureWindow -> MotionWindow -> JointCommand
+                  -> PersonPose ---------------------^
 
 Each is immutable, its arrays are read-only float64, its stamp is in nanoseconds of the clock that stamped the
 skeleton, and its frame is named. Letters of shapes are in `shapes.py`.
@@ -12,6 +13,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from mild_core.shapes import FloatArray, read_only, require_shape
+
+ARM_FRAME = "arm"
+"""Name of the arm frame: origin at the calibrated shoulder, x forward, y left, z up of the person."""
+
+ROBOT_FRAME = "robot"
+"""Name of the frame of the robot's base link, for positions of a camera that is calibrated to the robot."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +69,32 @@ class FeatureWindow:
         joints = len(self.joint_names)
         if self.features.ndim != 2 or self.features.shape[1] not in (3 * joints, 6 * joints):
             raise ValueError(f"features has shape {self.features.shape}, expected (W, {3 * joints} or {6 * joints})")
+
+
+@dataclass(frozen=True, eq=False)
+class PersonPose:
+    """Where the watched person is: what a robot may touch, and what it must keep away from.
+
+    Attributes:
+        stamp_ns: Of the skeleton it was seen in.
+        frame_id: `ROBOT_FRAME`, or `ARM_FRAME` when nobody has said where the camera stands: retargeting then takes
+            the person to stand where people stood before the robot in the model's recordings.
+        hand_m: (3,) middle of the watched hand, as it is: with the person's own bones, a left one not mirrored.
+        head_m: (3,) middle of the head.
+        trunk_m: (2, 3) middle of the shoulders and of the hips.
+            NaN stands in all of these for what was not seen.
+    """
+
+    stamp_ns: int
+    frame_id: str
+    hand_m: FloatArray
+    head_m: FloatArray
+    trunk_m: FloatArray
+
+    def __post_init__(self) -> None:
+        for name, shape in (("hand_m", (3,)), ("head_m", (3,)), ("trunk_m", (2, 3))):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+            require_shape(name, getattr(self, name), shape)
 
 
 @dataclass(frozen=True, eq=False)

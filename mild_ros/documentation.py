@@ -47,6 +47,10 @@ TOPICS = (
         "the arm's last W frames: one row per frame, one point per joint, in the arm frame [m]",
     ),
     Topic(
+        *("person", "sensor_msgs/PointCloud2", "perception", "retargeting"),
+        "hand, head, middle of shoulders and of hips [m]; in frame `robot` with `robot_from_camera`, else `arm`",
+    ),
+    Topic(
         *("motion", "trajectory_msgs/JointTrajectory", "inference", "retargeting"),
         "the robot's next window as the model predicts it [rad]",
     ),

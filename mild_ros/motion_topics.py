@@ -15,6 +15,7 @@ from mild_ros.diagnostics import Diagnostics
 from mild_ros.messages.belief import belief_to_msg
 from mild_ros.messages.feature_window import feature_window_to_msg
 from mild_ros.messages.motion import motion_state_to_msg, motion_to_msg
+from mild_ros.messages.person import person_to_msg
 from mild_ros.quality_of_service import BETWEEN_STAGES, LATCHED
 
 if TYPE_CHECKING:
@@ -77,12 +78,15 @@ class InsideTopics:
     def __init__(self, node: Node, topics: MotionTopics, wanted: bool) -> None:
         self._topics, self._wanted = topics, wanted
         self._windows = node.create_publisher(PointCloud2, "feature_window", BETWEEN_STAGES)
+        self._person = node.create_publisher(PointCloud2, "person", BETWEEN_STAGES)
 
     def publish(self, output: PipelineOutput) -> None:
         """Tell what one input led to."""
         if self._wanted and output.windows and self._windows.get_subscription_count():
             for window in output.windows:
                 self._windows.publish(feature_window_to_msg(window))
+        if self._wanted and output.person is not None and self._person.get_subscription_count():
+            self._person.publish(person_to_msg(output.person))
         if self._wanted and output.motions and self._topics.are_heard():
             for motion in output.motions:
                 self._topics.publish_motion(motion)

@@ -14,6 +14,7 @@ from mild_ros.clock import NodeClock
 from mild_ros.diagnostics import Diagnostics
 from mild_ros.fates import Fates
 from mild_ros.messages.feature_window import feature_window_to_msg
+from mild_ros.messages.person import person_to_msg
 from mild_ros.operator_services import OperatorServices
 from mild_ros.parameters import declare
 from mild_ros.quality_of_service import BETWEEN_STAGES
@@ -34,6 +35,7 @@ class PerceptionNode(Node):
         self._diagnostics = Diagnostics(self, expected=("skeleton",), hardware_id=parameters.source)
         self._diagnostics.facts["model"] = parameters.model
         self._fates = Fates(self, parameters.report_handled)
+        self._person = self.create_publisher(PointCloud2, "person", BETWEEN_STAGES)
         self._windows = self.create_publisher(PointCloud2, "feature_window", BETWEEN_STAGES)
         self._time = NodeClock(self, self._diagnostics)
         self._operator = OperatorServices(self, self._diagnostics, self._reset)
@@ -45,10 +47,13 @@ class PerceptionNode(Node):
             self._fates.report("perception", 0, "not_enabled", sight.input_ns)
             return
         self._state, windows = self._stage.step(self._state, sight.people, sight.now_ns)
+        person = self._state.person
+        if person is not None:
+            self._person.publish(person_to_msg(person))
         for window in windows:
             self._windows.publish(feature_window_to_msg(window))
             self._diagnostics.flowed("feature_window")
-        self._fates.report("perception", len(windows), self._state.outcome, sight.input_ns)
+        self._fates.report("perception", len(windows) + (person is not None), self._state.outcome, sight.input_ns)
         self._diagnostics.took("step", time.perf_counter_ns() - sight.steady_ns)
         self._diagnostics.ended("perception", self._state.outcome, self._state.counts, self._state.detail)
         self._diagnostics.summary = self._state.outcome

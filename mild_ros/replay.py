@@ -25,6 +25,7 @@ from mild_ros.bags import BagReader, RawMessage, open_bag, topic_of_type
 from mild_ros.encoding import encode, type_name_of
 from mild_ros.messages.joint_state import joint_command_to_msg, joint_measurement_from_msg, joint_measurement_to_msg
 from mild_ros.messages.motion import motion_state_to_msg, motion_to_msg
+from mild_ros.messages.person import person_to_msg
 from mild_ros.messages.skeletons import ADAPTERS, people_from_msg
 
 SKELETON, JOINT_STATES, TRUE_MOTION, TICK = "skeleton", "joint_states", "true_motion", ""
@@ -207,6 +208,9 @@ def _write(bag: BagWriter, step: Step, commands: list[bytes], interactions: tupl
     time_ns, message = step.event.time_ns, step.event.message
     if message is not None:
         bag.write(f"/{step.event.input}", message.type_name, time_ns, message.data)
+    person = step.output.person
+    if person is not None:
+        bag.write("/person", "sensor_msgs/msg/PointCloud2", time_ns, encode(person_to_msg(person)))
     for motion in step.output.motions:
         for topic, told in (
             ("/motion", motion_to_msg(motion)),

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import Any
 
 from rclpy.node import Node
@@ -11,8 +12,8 @@ from sensor_msgs.msg import JointState, PointCloud2
 from trajectory_msgs.msg import JointTrajectory
 
 from mild_core.errors import DataError
-from mild_core.retargeting.stage import Request
-from mild_core.signals import JointMeasurement, MotionWindow
+from mild_core.retargeting.stage import Request, RetargetingInput
+from mild_core.signals import JointMeasurement, PersonPose
 from mild_ros.assembly.retargeting import make_retargeting
 from mild_ros.clock import NodeClock
 from mild_ros.commanding import Commanding
@@ -20,6 +21,7 @@ from mild_ros.diagnostics import Diagnostics
 from mild_ros.fates import Fates
 from mild_ros.messages.joint_state import joint_measurement_from_msg
 from mild_ros.messages.motion import motion_from_msgs
+from mild_ros.messages.person import person_from_msg
 from mild_ros.messages.stamps import ns_from_msg
 from mild_ros.pairing import StampPairs
 from mild_ros.parameters import declare
@@ -41,6 +43,7 @@ class RetargetingNode(Node):
         self._commanding = Commanding(self, self._diagnostics, self._request, parameters.enabled)
         self._time = NodeClock(self, self._diagnostics, self._on_tick, parameters.control_rate_hz)
         pairs = StampPairs(self._on_motion, self._on_single)
+        self.create_subscription(PointCloud2, "person", self._on_person, BETWEEN_STAGES)
         self.create_subscription(JointTrajectory, "motion", pairs.left, BETWEEN_STAGES)
         self.create_subscription(PointCloud2, "motion_state", pairs.right, BETWEEN_STAGES)
         self.create_subscription(JointState, "joint_states", self._on_joint_states, SENSOR)
@@ -66,16 +69,22 @@ class RetargetingNode(Node):
         self._unreadable("motion", DataError("unpaired", "motion and motion_state need equal stamps"), stamp_ns)
 
     def _on_joint_states(self, message: Any) -> None:
-        now_ns, stamp_ns = self._time.now_ns(), ns_from_msg(message.header.stamp)
-        self._diagnostics.flowed("joint_states")
-        try:
-            measurement = joint_measurement_from_msg(message)
-        except DataError as error:
-            self._unreadable("joint_states", error, stamp_ns)
-            return
-        self._step(measurement, now_ns, stamp_ns)
+        self._read("joint_states", joint_measurement_from_msg, message)
 
-    def _step(self, given: MotionWindow | JointMeasurement | Request | None, now_ns: int, stamp_ns: int) -> None:
+    def _on_person(self, message: Any) -> None:
+        self._read("person", person_from_msg, message)
+
+    def _read(self, topic: str, from_msg: Callable[[Any], JointMeasurement | PersonPose], message: Any) -> None:
+        now_ns, stamp_ns = self._time.now_ns(), ns_from_msg(message.header.stamp)
+        self._diagnostics.flowed(topic)
+        try:
+            given = from_msg(message)
+        except DataError as error:
+            self._unreadable(topic, error, stamp_ns)
+            return
+        self._step(given, now_ns, stamp_ns)
+
+    def _step(self, given: RetargetingInput, now_ns: int, stamp_ns: int) -> None:
         self._state, commands = self._stage.step(self._state, given, now_ns)
         self._commanding.send(commands)
         self._fates.report("retargeting", 0, self._state.outcome, stamp_ns)

@@ -17,6 +17,9 @@ from mild_ros.encoding import restamped
 from mild_ros.messages.handled import Handled
 from mild_ros.replay import SKELETON, TICK, TRUE_MOTION, Event
 
+FIRST = ("perception", "pipeline")
+"""Stages that take skeletons: nothing that comes of one is all handled before they say so."""
+
 MEASURED = ("measured", "joints_missing", "outside_limits")
 """Outcomes of the robot's own states, which may come from a simulation at any time."""
 
@@ -45,6 +48,7 @@ class LockStep:
         self._events, self._send, self._tick, self._patience_s = events, send, tick, patience_s
         self._event: Event | None = None
         self._tokens = 0
+        self._begun = False
         self._since_s = self._repeated_s = 0.0
 
     def advance(self) -> bool:
@@ -55,7 +59,7 @@ class LockStep:
             self._event = next(self._events, None)
         if self._event is None:
             return False
-        self._tokens = 1
+        self._tokens, self._begun = 1, self._event.input != SKELETON
         self._since_s = self._repeated_s = time.monotonic()
         self._tick(self._event.time_ns)
         if self._event.message is not None:
@@ -68,7 +72,8 @@ class LockStep:
         if self._event is None or not self._concerns(self._event, fate):
             return False
         self._tokens += fate.outputs - 1
-        return self._tokens == 0
+        self._begun = self._begun or fate.stage in FIRST
+        return self._tokens == 0 and self._begun
 
     def check(self) -> None:
         """Look after an event that nobody answers; to be called now and then.

@@ -25,7 +25,15 @@ class PerceptionParameters:
         (), "For a source that does not number joints: the joint at each place of its message, empty to pass over one."
     )
     source_axes: str = parameter(
-        "unknown", "For such a source: where its axes point.", choices=("optical", "rep103", "unknown")
+        "unknown", "For a source that may point anywhere: where its axes do.", choices=("optical", "rep103", "unknown")
+    )
+    frame_id: str = parameter(
+        "", "The only tf frame to accept, and that tf frames are seen in; empty accepts the first that comes."
+    )
+    robot_from_camera: str = parameter(
+        "",
+        "Pose of the tracker's frame in the frame of the robot's base link, as `x y z roll pitch yaw` [m, rad]; when "
+        "empty, people are taken to stand where they stood before the robot in the model's recordings.",
     )
     frame_id: str = parameter("", "The only tf frame to accept; empty accepts the first that comes.")
     side: str = parameter(PerceptionSettings.side, "The person's arm to watch.", choices=("right", "left"))

@@ -10,9 +10,6 @@ import numpy as np
 from mild_core.perception.calibration import Calibration
 from mild_core.shapes import FloatArray, require_shape
 
-ARM_FRAME = "arm"
-"""Name of the arm frame: origin at the calibrated shoulder, x forward, y left, z up of the person."""
-
 _MIRRORED = np.array([1.0, -1.0, 1.0])
 _SHORTEST_M = 1e-6
 

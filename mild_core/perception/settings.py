@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from mild_core.errors import SetupError, unknown_name
 from mild_core.perception.calibration import Calibration
 from mild_core.perception.skeletons.source import JOINTS, Axes
+from mild_core.shapes import FloatArray, read_only, require_shape
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,6 +29,8 @@ class PerceptionSettings:
             positions come with x forward, y left, z up of the person already.
         source_axes: The axes of the tracker, for telling a wrong camera frame; "unknown" turns this check off.
         frame_id: The only tf frame to accept; empty accepts the first that comes.
+        robot_from_source: (4, 4) pose of the tracker's frame in the robot's base frame, for a camera that is
+            calibrated to the robot; None when nobody knows it.
         calibration: One made before, to start without the neutral second.
         calibration_s: How long the person has to stand still.
         calibration_still_m: Farthest that shoulders and pelvis may stray from their mean meanwhile.
@@ -48,6 +51,7 @@ class PerceptionSettings:
     axes: Literal["torso", "given"] = "torso"
     source_axes: Axes = "unknown"
     frame_id: str = ""
+    robot_from_source: FloatArray | None = field(default=None, compare=False)
     calibration: Calibration | None = None
     calibration_s: float = 1.0
     calibration_still_m: float = 0.05
@@ -61,6 +65,9 @@ class PerceptionSettings:
         """Raise SetupError for settings that cannot work."""
         object.__setattr__(self, "joint_names", tuple(self.joint_names))
         object.__setattr__(self, "bone_lengths_m", tuple(float(length) for length in self.bone_lengths_m))
+        if self.robot_from_source is not None:
+            object.__setattr__(self, "robot_from_source", read_only(self.robot_from_source))
+            require_shape("robot_from_source", self.robot_from_source, (4, 4))
         for name, allowed in _CHOICES.items():
             if getattr(self, name) not in allowed:
                 raise unknown_name(name, str(getattr(self, name)), allowed)

@@ -27,15 +27,16 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from mild_core.errors import DataError
-from mild_core.perception.arm import ARM_FRAME, in_arm_frame
+from mild_core.perception.arm import in_arm_frame
 from mild_core.perception.calibration import Calibration
 from mild_core.perception.gates import Point, believed, bone_lengths, check_bones
 from mild_core.perception.identity import Lock, Seen, find_person, locked_on
 from mild_core.perception.neutral import FULL_SECOND, NeutralFrame, calibrate, neutral_frame, strayed_m, with_newest
+from mild_core.perception.person import person_pose
 from mild_core.perception.resampling import Cadence
 from mild_core.perception.settings import PerceptionSettings
 from mild_core.perception.window import ArmStream, begun, extended
-from mild_core.signals import FeatureWindow, SkeletonFrame
+from mild_core.signals import ARM_FRAME, FeatureWindow, PersonPose, SkeletonFrame
 
 __all__ = ["Perception", "PerceptionSettings", "PerceptionState"]
 
@@ -53,6 +54,7 @@ class PerceptionState:
         lock: Who is watched.
         cadence: How often the tracker sees them.
         stream: The arm at the model's rate; None before its first usable frame.
+        person: Where the watched person is by the newest message; None when it does not show a calibrated one.
     """
 
     counts: Mapping[str, int] = field(default_factory=dict)
@@ -63,6 +65,7 @@ class PerceptionState:
     lock: Lock | None = None
     cadence: Cadence | None = None
     stream: ArmStream | None = None
+    person: PersonPose | None = None
 
 
 _Stepped = tuple[PerceptionState, tuple[FeatureWindow, ...]]
@@ -91,6 +94,7 @@ class Perception:
             model's rate, several from a slower tracker or after a gap. Unusable data is counted, never raised.
         """
         events: Counter[str] = Counter()
+        state = replace(state, person=None)
         known = self._in_known_frame(state, people)
         state = self._rewound(state, known, events)
         seen = find_person(state.lock, known, self.settings.reacquire_distance_m)
@@ -108,10 +112,13 @@ class Perception:
                 state, outcome, detail = self._calibrated(state, person, arm)
                 events["calibrated"] += state.calibration is not None
         except DataError as error:
-            return _ended(self._outgrown(state, person, error, events), events, error.reason, error.detail)
-        if state.calibration is None:
+            state = self._outgrown(self._with_pose(state, person, False), person, error, events)
+            return _ended(state, events, error.reason, error.detail)
+        calibration = state.calibration
+        if calibration is None:
             return _ended(state, events, outcome, detail)
-        stream, windows = self._sampled(state, state.calibration, person.stamp_ns, arm, events)
+        state = self._with_pose(state, person, True)
+        stream, windows = self._sampled(state, calibration, person.stamp_ns, arm, events)
         return _ended(state, events, "accepted", windows=windows, stream=stream)
 
     def _in_known_frame(self, state: PerceptionState, people: tuple[SkeletonFrame, ...]) -> tuple[SkeletonFrame, ...]:
@@ -150,6 +157,14 @@ class Perception:
         cadence, missed = state.cadence.after(person.stamp_ns)
         events["missed"] += missed
         return replace(state, lock=lock, cadence=cadence)
+
+    def _with_pose(self, state: PerceptionState, person: SkeletonFrame, arm_believed: bool) -> PerceptionState:
+        """Note where a calibrated person is, without a hand that is not believed."""
+        settings, calibration = self.settings, state.calibration
+        if calibration is None:
+            return state
+        placed = person_pose(person, calibration, settings.robot_from_source, settings.min_confidence, arm_believed)
+        return replace(state, person=placed)
 
     def _arm(self, state: PerceptionState, person: SkeletonFrame) -> list[Point]:
         """The J watched joints in the source's axes.

@@ -10,11 +10,12 @@ import numpy as np
 from mild_core.errors import DataError
 from mild_core.retargeting.limiter import JointMotion
 from mild_core.retargeting.modes import Mode
+from mild_core.retargeting.person import check_pose
 from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.retargeting.state import Request, RetargetingState
 from mild_core.retargeting.target import checked_plan
-from mild_core.signals import JointMeasurement, MotionWindow
+from mild_core.signals import JointMeasurement, MotionWindow, PersonPose
 
 OUTSIDE_RAD = 0.02
 """A measured pose may lie this far outside the position limits: a robot that leans on its end stop."""
@@ -49,6 +50,20 @@ def take_motion(
         since_ns = now_ns if state.unknown_since_ns is None else state.unknown_since_ns
         return replace(state, unknown_since_ns=since_ns).ended("unknown")
     return replace(state, plan=plan, unknown_since_ns=None).ended("accepted")
+
+
+def take_person(
+    state: RetargetingState, given: PersonPose, settings: RetargetingSettings, now_ns: int
+) -> RetargetingState:
+    """The state after a pose of the person; its outcome is `person` or why the pose was refused."""
+    try:
+        check_pose(given)
+    except DataError as error:
+        return state.ended(error.reason)
+    age_s = (now_ns - given.stamp_ns) * 1e-9
+    if not -settings.max_future_s <= age_s <= settings.max_age_s:
+        return state.ended("too_old" if age_s > 0 else "from_future")
+    return replace(state.with_sight(now_ns), person=given, person_ns=now_ns).ended("person")
 
 
 def take_measurement(
@@ -105,6 +120,6 @@ def take_request(state: RetargetingState, given: Request, now_ns: int) -> Retarg
     state = replace(state, plan=None, ramp=None, unknown_since_ns=None, holding_since_ns=now_ns)
     if given.kind == "disable":
         return replace(state, mode=Mode.DISABLED).ended("disabled")
-    state = replace(state, displaced=False, displaced_since_ns=None)
+    state = replace(state, displaced=False, displaced_since_ns=None, person=None, sight=None)
     stays = state.mode is Mode.DISABLED or waiting
     return (state if stays else replace(state, mode=Mode.HOLDING)).ended("reset")

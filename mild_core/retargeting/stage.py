@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """From a predicted motion to commands that a robot can carry out: smooth, inside every limit, safe without input.
 
-    MotionWindow, JointMeasurement, Request or a tick of the control clock -> JointCommand
+    MotionWindow, PersonPose, JointMeasurement, Request or a tick of the control clock -> JointCommand
 
 The robot is commanded from where it says it is. It follows the newest motion, read a little ahead of now because
 the limits make it lag. Without a usable motion it stops smoothly, waits, goes home slowly and is ready again; a
@@ -18,22 +18,28 @@ import numpy as np
 
 from mild_core.retargeting.limiter import JointMotion, Joints, Limiter, NoPlanError
 from mild_core.retargeting.modes import Mode, next_mode
-from mild_core.retargeting.reception import take_measurement, take_motion, take_request
+from mild_core.retargeting.reception import take_measurement, take_motion, take_person, take_request
 from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.retargeting.state import Request, RetargetingState
 from mild_core.retargeting.target import Plan, ramp_onto
 from mild_core.retargeting.watchdog import after_gap, after_time_jump, fresh, known
 from mild_core.shapes import FloatArray, read_only
-from mild_core.signals import JointCommand, JointMeasurement, MotionWindow
+from mild_core.signals import JointCommand, JointMeasurement, MotionWindow, PersonPose
 
-__all__ = ["Mode", "Request", "Retargeting", "RetargetingSettings", "RetargetingState"]
+__all__ = ["Mode", "Request", "Retargeting", "RetargetingInput", "RetargetingSettings", "RetargetingState"]
 
 HOME_SHARE = 0.1
 """Share of the robot's acceleration and jerk used on the way home: nobody is waiting for it."""
 
 AT_HOME_RAD = 1e-6
 """Closer to home than this is home: far below an encoder's step, far above rounding."""
+
+
+RetargetingInput = MotionWindow | PersonPose | JointMeasurement | Request | None
+"""None is a tick of the control clock."""
+
+_Stepped = tuple[RetargetingState, tuple[JointCommand, ...]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,9 +73,7 @@ class Retargeting:
         """The state before the first input."""
         return RetargetingState(mode=Mode.WAITING if self.settings.start_enabled else Mode.DISABLED)
 
-    def step(
-        self, state: RetargetingState, given: MotionWindow | JointMeasurement | Request | None, now_ns: int
-    ) -> tuple[RetargetingState, tuple[JointCommand, ...]]:
+    def step(self, state: RetargetingState, given: RetargetingInput, now_ns: int) -> _Stepped:
         """Take one input, or None for a tick of the control clock, at time `now_ns`.
 
         A tick and an accepted motion lead to one command, unless one was sent at this very time, nobody has said
@@ -82,11 +86,14 @@ class Retargeting:
         if isinstance(given, MotionWindow):
             state = take_motion(state, given, self.robot, self.settings, now_ns)
             return self._command(state, now_ns) if state.outcome == "accepted" else (state, ())
+        if isinstance(given, PersonPose):
+            return take_person(state, given, self.settings, now_ns), ()
         if isinstance(given, JointMeasurement):
             return take_measurement(state, given, self.robot, self.settings, now_ns), ()
         return take_request(state, given, now_ns), ()
 
-    def _command(self, state: RetargetingState, now_ns: int) -> tuple[RetargetingState, tuple[JointCommand, ...]]:
+    def _command(self, state: RetargetingState, now_ns: int) -> _Stepped:
+        state = state.with_sight(now_ns)
         motion = state.motion
         if motion is None or state.commanded_ns == now_ns:
             return state, ()

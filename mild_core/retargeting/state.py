@@ -9,7 +9,9 @@ from typing import Literal
 
 from mild_core.retargeting.limiter import JointMotion, Joints
 from mild_core.retargeting.modes import Mode
+from mild_core.retargeting.person import Sight, seen_again
 from mild_core.retargeting.target import Plan, Ramp
+from mild_core.signals import PersonPose
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,9 @@ class RetargetingState:
         measured_rad: The robot's newest own word on where it is: J positions.
         displaced_since_ns: When the robot was first seen far from its command; None while it is near.
         displaced: It has been far for too long.
+        person: The newest pose of the person ...
+        person_ns: ... and when it came.
+        sight: What is known of the person from all poses before that one.
         counts: Events by reason since the start.
         outcome: What became of the newest input: a key of `counts`.
     """
@@ -53,8 +58,21 @@ class RetargetingState:
     measured_rad: Joints = ()
     displaced_since_ns: int | None = None
     displaced: bool = False
+    person: PersonPose | None = None
+    person_ns: int = 0
+    sight: Sight | None = None
     counts: Mapping[str, int] = field(default_factory=dict)
     outcome: str = ""
+
+    def with_sight(self, now_ns: int) -> RetargetingState:
+        """The newest pose taken into account, if it came before now.
+
+        A pose that came at this very time has to wait for the next command: over DDS it may come before or after the
+        motion of the same skeleton, and both orders shall lead to the same commands.
+        """
+        if self.person is None or self.person_ns == now_ns:
+            return self
+        return replace(self, person=None, sight=seen_again(self.sight, self.person, self.person_ns))
 
     def counted(self, reason: str) -> RetargetingState:
         """One more event of `reason`."""

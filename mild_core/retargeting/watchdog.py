@@ -54,5 +54,7 @@ def after_time_jump(state: RetargetingState, now_ns: int) -> RetargetingState:
         ramp=None,
         unknown_since_ns=None,
         displaced_since_ns=None,
+        person=None,
+        sight=None,
         holding_since_ns=now_ns,
     ).counted("time_backwards")

@@ -3,14 +3,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
+
 from mild_core.errors import SetupError
 from mild_core.inference.manifest import Manifest
 from mild_core.inference.manifest_reading import read_manifest
+from mild_core.perception.gates import place_of
 from mild_core.perception.settings import PerceptionSettings
 from mild_core.perception.skeletons import SOURCES, SkeletonSource
 from mild_core.perception.stage import Perception
+from mild_core.retargeting.urdf import rotation_from_rpy
+from mild_core.shapes import FloatArray
 from mild_ros.settings import PerceptionParameters
 from mild_ros.share import model_folder
+
+_NAMELESS = tuple(name for name, source in SOURCES.items() if not source.joint_ids)
+"""Sources whose joints have to be named by parameter."""
 
 
 def manifest_of(model: str) -> Manifest:
@@ -28,13 +38,36 @@ def skeleton_source(parameters: PerceptionParameters) -> SkeletonSource:
     Raises:
         SetupError: Joint names are missing, or given for a source that numbers its joints.
     """
-    source = SOURCES[parameters.source]
+    source = replace(SOURCES[parameters.source], root=parameters.frame_id)
+    given = [name for name in ("joint_names", "joint_places") if getattr(parameters, name)]
     if not source.joint_ids:
-        return source.with_joints(parameters.joint_names, parameters.source_axes)  # type: ignore[arg-type]
-    if parameters.joint_names:
-        problem = f"{parameters.source} numbers its joints, so their order cannot be given"
-        raise SetupError("parameter joint_names", problem, "leave it out or set source to pose_array")
+        return source.with_joints(parameters.joint_names, parameters.source_axes, parameters.joint_places)  # type: ignore[arg-type]
+    if given:
+        problem = f"{parameters.source} names its joints, so this cannot be given"
+        raise SetupError(f"parameter {given[0]}", problem, f"leave it out or set source to {' or '.join(_NAMELESS)}")
+    if source.axes == "unknown":
+        return replace(source, axes=parameters.source_axes)  # type: ignore[arg-type]
     return source
+
+
+def _robot_from_camera(text: str) -> FloatArray | None:
+    """(4, 4) pose of the tracker's frame in the robot's base frame; None when nobody has measured it.
+
+    Raises:
+        SetupError: The text does not hold six finite numbers.
+    """
+    if not text.strip():
+        return None
+    try:
+        x, y, z, roll, pitch, yaw = (float(word) for word in text.split())
+        pose = np.eye(4)
+        pose[:3, :3] = rotation_from_rpy(roll, pitch, yaw)
+        pose[:3, 3] = x, y, z
+        if not np.isfinite(pose).all():
+            raise ValueError("it is infinitely far away")
+    except ValueError as error:
+        raise SetupError("parameter robot_from_camera", f"is '{text}'", "give x y z roll pitch yaw [m, rad]") from error
+    return pose
 
 
 def make_perception(parameters: PerceptionParameters, manifest: Manifest) -> Perception:
@@ -54,13 +87,15 @@ def make_perception(parameters: PerceptionParameters, manifest: Manifest) -> Per
         axes=parameters.axes,  # type: ignore[arg-type]
         source_axes=source.axes,
         frame_id=parameters.frame_id,
+        robot_from_source=_robot_from_camera(parameters.robot_from_camera),
         calibration_s=parameters.calibration_s,
         max_gap_s=parameters.max_gap_s,
         min_confidence=parameters.min_confidence,
         reacquire_distance_m=parameters.reacquire_distance_m,
         forget_s=parameters.forget_s,
     )
-    unseen = sorted(set(settings.sided_names) - set(source.joint_ids.values()))
+    given = tuple(source.joint_ids.values())
+    unseen = sorted(name for name in settings.sided_names if place_of(given, name) < 0)
     if unseen:
         problem = f"the model {parameters.model} observes {', '.join(unseen)}, which the tracker does not give"
         raise SetupError(f"source {parameters.source}", problem, "name it in joint_names or take another source")

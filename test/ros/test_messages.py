@@ -11,7 +11,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState, PointCloud2
 
 from mild_core.errors import DataError
-from mild_core.signals import FeatureWindow, JointCommand, JointMeasurement, MotionWindow
+from mild_core.signals import FeatureWindow, JointCommand, JointMeasurement, MotionWindow, PersonPose
 from mild_ros.bags import jazzy_types
 from mild_ros.encoding import encode, type_name_of
 from mild_ros.messages.belief import belief_to_msg
@@ -24,6 +24,7 @@ from mild_ros.messages.joint_state import (
     joint_measurement_to_msg,
 )
 from mild_ros.messages.motion import motion_from_msgs, motion_state_to_msg, motion_to_msg
+from mild_ros.messages.person import person_from_msg, person_to_msg
 from mild_ros.messages.stamps import duration_to_msg, ns_from_msg, time_to_msg
 
 STAMP_NS = 1_700_000_000_123_456_789
@@ -216,3 +217,16 @@ def test_belief_is_labelled(sent):
 def test_stamps_are_exact(stamp_ns):
     assert ns_from_msg(time_to_msg(stamp_ns)) == stamp_ns
     assert ns_from_msg(duration_to_msg(-(stamp_ns % 10**18))) == -(stamp_ns % 10**18)
+
+
+@ROADS
+def test_a_person_arrives_as_sent(sent) -> None:
+    rng = np.random.default_rng(5)
+    pose = PersonPose(STAMP_NS, "arm", np.full(3, np.nan), rng.normal(size=3), rng.normal(size=(2, 3)))
+    same(person_from_msg(sent(person_to_msg(pose))), pose)
+
+
+def test_a_cloud_of_something_else_is_no_person() -> None:
+    window = FeatureWindow(STAMP_NS, "arm", JOINTS, np.zeros((40, 9)))
+    with pytest.raises(DataError, match="wrong_layout"):
+        person_from_msg(feature_window_to_msg(window))

@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The person as retargeting remembers them: where the hand goes, whether it is raised, where head and trunk are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from mild_core.errors import DataError
+from mild_core.shapes import FloatArray, read_only
+from mild_core.signals import ARM_FRAME, ROBOT_FRAME, PersonPose
+
+POSITION_GAIN = 0.75
+VELOCITY_GAIN = POSITION_GAIN**2 / (2.0 - POSITION_GAIN)
+"""Of the tracking filter: a hand that speeds up is followed within two frames, and of a tracker's jitter of 5 mm at
+30 Hz 7 cm/s are left. Source: T. Benedict, G. Bordner, IRE Transactions on Automatic Control 1962."""
+
+LOST_S, GONE_S = 0.3, 2.0
+"""After a longer time without the hand its speed, or even whose it is and where it rests, is not known any more."""
+
+LONGEST_GUESS_S = 0.15
+"""A hand goes on at its speed for no longer than this: then it may have turned."""
+
+RAISED_M, BACK_M, STILL_M = 0.08, 0.15, 0.05
+"""The hand is raised this far from its rest, and back when this near to it; less than the last it has not moved."""
+
+BACK_AFTER_S = 0.5
+"""How long a hand has to stay near its rest to be back."""
+
+Point = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Standing:
+    """Where a person's calibrated shoulder stands in the robot's base frame, if the camera does not tell.
+
+    Attributes:
+        place_m: One place for all interactions.
+        yaw_rad: Which way the person faces: the direction of their x axis.
+        by_interaction: Own places, for the interactions in which hands touch.
+    """
+
+    place_m: Point
+    yaw_rad: float
+    by_interaction: Mapping[str, Point] = field(default_factory=dict)
+
+    def placed(self, points_m: FloatArray, frame_id: str, interaction: str) -> FloatArray:
+        """(..., 3) points of `frame_id` in the robot's base frame, during an interaction ("" when none is known)."""
+        if frame_id == ROBOT_FRAME:
+            return points_m
+        x, y, z = self.by_interaction.get(interaction, self.place_m)
+        cosine, sine = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+        turn = np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+        placed: FloatArray = points_m @ turn + np.array([x, y, z])
+        return placed
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """What is known of the person, in the frame in which they are told.
+
+    Attributes:
+        frame_id: That frame.
+        received_ns: When the newest pose came.
+        hand_ns: Stamp of the newest pose with a hand.
+        hand_m: (3,) the hand then.
+        velocity_m_s: (3,) its velocity.
+        body_m: (3, 3) head, middle of the shoulders and of the hips as last seen; NaN when never.
+        rest_m: (3,) where the hand rests.
+        raised: Whether it has left that place.
+        still_m: (3,) where it last was still ...
+        still_ns: ... and since when it has been near that place.
+    """
+
+    frame_id: str
+    received_ns: int
+    hand_ns: int
+    hand_m: FloatArray
+    velocity_m_s: FloatArray
+    body_m: FloatArray
+    rest_m: FloatArray
+    raised: bool
+    still_m: FloatArray
+    still_ns: int
+
+    def hand_at(self, time_ns: int) -> FloatArray:
+        """(3,) the hand at a time that is not long after it was seen."""
+        ahead_s = min(max((time_ns - self.hand_ns) * 1e-9, 0.0), LONGEST_GUESS_S)
+        guessed: FloatArray = self.hand_m + ahead_s * self.velocity_m_s
+        return guessed
+
+    def still_s(self) -> float:
+        """How long the hand has stayed where it is."""
+        return (self.hand_ns - self.still_ns) * 1e-9
+
+    def at_rest_here(self) -> Sight:
+        """The same person, who rests the hand where it is now."""
+        return replace(self, rest_m=self.hand_m, raised=False)
+
+    def after(self, pose: PersonPose, received_ns: int) -> Sight:
+        """With one more pose of the same person; what it hides stays where it was."""
+        told = np.stack([pose.head_m, *pose.trunk_m])
+        body = np.where(np.isfinite(told), told, self.body_m)
+        if not np.isfinite(pose.hand_m).all():
+            return replace(self, received_ns=received_ns, body_m=body)
+        elapsed_s = (pose.stamp_ns - self.hand_ns) * 1e-9
+        if elapsed_s > LOST_S:
+            hand, velocity = pose.hand_m, np.zeros(3)
+        else:
+            guessed = self.hand_m + elapsed_s * self.velocity_m_s
+            error = pose.hand_m - guessed
+            hand = guessed + POSITION_GAIN * error
+            velocity = self.velocity_m_s + VELOCITY_GAIN / elapsed_s * error
+        moved = math.dist(hand, self.still_m) > STILL_M
+        seen = replace(
+            self,
+            received_ns=received_ns,
+            hand_ns=pose.stamp_ns,
+            hand_m=hand,
+            velocity_m_s=velocity,
+            body_m=body,
+            still_m=hand if moved else self.still_m,
+            still_ns=pose.stamp_ns if moved else self.still_ns,
+        )
+        return seen._with_rest()
+
+    def _with_rest(self) -> Sight:
+        """Whether the hand is raised now."""
+        away_m = math.dist(self.hand_m, self.rest_m)
+        if not self.raised:
+            return replace(self, raised=True) if away_m > RAISED_M else self
+        return self.at_rest_here() if away_m < BACK_M and self.still_s() >= BACK_AFTER_S else self
+
+
+def first_sight(pose: PersonPose, received_ns: int) -> Sight | None:
+    """What is known after the first pose with a hand, which is taken to rest; None when it shows none."""
+    if not np.isfinite(pose.hand_m).all():
+        return None
+    body = read_only(np.stack([pose.head_m, *pose.trunk_m]))
+    hand, still, stamp_ns = pose.hand_m, np.zeros(3), pose.stamp_ns
+    return Sight(pose.frame_id, received_ns, stamp_ns, hand, still, body, hand, False, hand, stamp_ns)
+
+
+def seen_again(sight: Sight | None, pose: PersonPose, received_ns: int) -> Sight | None:
+    """What is known after one more pose, of the same person or, in another frame or at another time, a new one."""
+    if sight is None or pose.frame_id != sight.frame_id or not 0 < pose.stamp_ns - sight.hand_ns < GONE_S * 1e9:
+        return first_sight(pose, received_ns)
+    return sight.after(pose, received_ns)
+
+
+def check_pose(pose: PersonPose) -> None:
+    """Raise DataError `unknown_frame` or `not_finite` unless a pose can be used; NaN stands for what was not seen.
+
+    Args:
+        pose: From perception or from another machine: nothing in it is trusted.
+    """
+    if pose.frame_id not in (ARM_FRAME, ROBOT_FRAME):
+        raise DataError("unknown_frame", f"a person in '{pose.frame_id}'")
+    if any(np.isinf(part).any() for part in (pose.hand_m, pose.head_m, pose.trunk_m)):
+        raise DataError("not_finite", "a part of the person is infinitely far away")
