@@ -49,6 +49,7 @@ class Diagnostics:
         self.facts: dict[str, str] = {}
         self.alarms: dict[str, tuple[bytes, str]] = {}
         self.summary = "ready"
+        self.newest_detail = ""
         self._node, self._expected, self._hardware_id, self._look = node, expected, hardware_id, look
         self._streams: dict[str, Stream] = {name: Stream() for name in expected}
         self._spreads: dict[str, Spread] = {}
@@ -77,14 +78,20 @@ class Diagnostics:
         """A stage is done with an input."""
         self._counts[stage] = counts
         if outcome not in UNREMARKABLE[stage]:
+            self.newest_detail = f"{outcome}: {detail}" if detail else self.newest_detail
             self._unusable[f"{stage} {outcome}"] += 1
             self.complain(f"{stage} {outcome}", detail)
+
+    def usable(self, stage: str) -> int:
+        """How many inputs of a stage there were that need no warning."""
+        return sum(self._counts.get(stage, {}).get(outcome, 0) for outcome in UNREMARKABLE[stage])
 
     def unreadable(self, topic: str, reason: str, detail: str) -> None:
         """A message could not even be read."""
         self._unreadable[reason] += 1
         self._counts["messages"] = self._unreadable
         self._unusable[f"{topic} {reason}"] += 1
+        self.newest_detail = f"{reason}: {detail}"
         self.complain(f"{topic} {reason}", detail)
 
     def complain(self, about: str, detail: str = "") -> None:

@@ -26,6 +26,9 @@ FATE = _keep_last(1000, ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE)
 LATCHED = _keep_last(1, ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL)
 """What changes rarely: who subscribes later gets the last one."""
 
+STATIC_TRANSFORMS = _keep_last(100, ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL)
+"""`/tf_static`: the last message of each of its publishers, for who comes late too."""
+
 CLOCK = _keep_last(50, ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE)
 """`/clock` of a simulation or a replay."""
 

@@ -24,6 +24,9 @@ class PerceptionParameters:
     joint_names: tuple[str, ...] = parameter(
         (), "For a source that does not number joints: the joint at each place of its message, empty to pass over one."
     )
+    joint_places: tuple[str, ...] = parameter(
+        (), "For a source with a topic or tf frame per joint: theirs, in the order of `joint_names`; empty for these."
+    )
     source_axes: str = parameter(
         "unknown", "For a source that may point anywhere: where its axes do.", choices=("optical", "rep103", "unknown")
     )
@@ -35,7 +38,6 @@ class PerceptionParameters:
         "Pose of the tracker's frame in the frame of the robot's base link, as `x y z roll pitch yaw` [m, rad]; when "
         "empty, people are taken to stand where they stood before the robot in the model's recordings.",
     )
-    frame_id: str = parameter("", "The only tf frame to accept; empty accepts the first that comes.")
     side: str = parameter(PerceptionSettings.side, "The person's arm to watch.", choices=("right", "left"))
     axes: str = parameter(
         PerceptionSettings.axes,

@@ -6,6 +6,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from rclpy.node import Node
@@ -16,15 +17,18 @@ from mild_ros.assembly.perception import skeleton_source
 from mild_ros.clock import NodeClock
 from mild_ros.diagnostics import Diagnostics
 from mild_ros.fates import Fates
+from mild_ros.messages.feeds import SKELETON_TOPIC, Feed, message_class
 from mild_ros.messages.marker_array_bytes import marker_array_from_bytes
 from mild_ros.messages.skeletons import ADAPTERS
-from mild_ros.quality_of_service import SENSOR
+from mild_ros.quality_of_service import SENSOR, STATIC_TRANSFORMS
 from mild_ros.settings import PerceptionParameters
+from mild_ros.tracker_watch import TrackerWatch
 
-TOPIC = "skeleton"
+TOPIC = SKELETON_TOPIC
+"""What a tracker is called in diagnostics, whatever its topics are."""
 
-FROM_BYTES: dict[str, Callable[[bytes], Any]] = {"marker_array": marker_array_from_bytes}
-"""Kinds of messages that are read faster without rclpy's own classes."""
+FROM_BYTES: dict[str, Callable[[bytes], Any]] = {"visualization_msgs/msg/MarkerArray": marker_array_from_bytes}
+"""Types of messages that are read faster without rclpy's own classes."""
 
 
 @dataclass(frozen=True)
@@ -57,13 +61,14 @@ class Tracker:
         stage: Who reports the fate of a message that cannot be read.
 
     Raises:
-        SetupError: As `skeleton_source`.
+        SetupError: As `skeleton_source` and `message_class`.
     """
 
     def __init__(self, parameters: PerceptionParameters, stage: str) -> None:
         self._source = skeleton_source(parameters)
-        self._adapter = ADAPTERS[self._source.message]
-        self._from_bytes = FROM_BYTES.get(self._source.message)
+        self._feeds = [
+            (feed, message_class(feed.type_name)) for feed in ADAPTERS[self._source.message].feeds(self._source)
+        ]
         self._stage = stage
 
     def listen(
@@ -74,21 +79,29 @@ class Tracker:
         fates: Fates,
         on_sight: Callable[[Sighting], None],
     ) -> None:
-        """Call `on_sight` with every message; one that cannot be read is counted and logged here."""
+        """Call `on_sight` with everyone who is seen; a message that cannot be read is counted and logged here."""
+        watch = TrackerWatch(node, diagnostics, self._source, tuple(feed for feed, _ in self._feeds))
 
-        def on_message(message: Any) -> None:
+        def on_message(feed: Feed, message: Any) -> None:
             steady_ns, now_ns = time.perf_counter_ns(), clock.now_ns()
+            from_bytes = FROM_BYTES.get(feed.type_name)
             try:
-                readable = self._from_bytes(message) if self._from_bytes else message
-                people = self._adapter.people(readable, self._source, now_ns)
+                readable = from_bytes(message) if from_bytes else message
+                watch.came(feed, readable)
+                people = feed.read(readable, now_ns)
             except DataError as error:
                 diagnostics.flowed(TOPIC)
                 diagnostics.unreadable(TOPIC, error.reason, error.detail)
                 fates.report(self._stage, 0, error.reason, now_ns)
                 return
+            if people is None:
+                fates.report(self._stage, 0, "incomplete", now_ns)
+                return
             stamp_ns = max((person.stamp_ns for person in people), default=None)
             on_sight(Sighting(people, stamp_ns, now_ns, steady_ns))
             diagnostics.flowed(TOPIC, stamp_ns)
 
-        raw = self._from_bytes is not None
-        node.create_subscription(self._adapter.message_type, TOPIC, on_message, SENSOR, raw=raw)
+        for feed, message_type in self._feeds:
+            quality = STATIC_TRANSFORMS if feed.latched else SENSOR
+            raw = feed.type_name in FROM_BYTES
+            node.create_subscription(message_type, feed.topic, partial(on_message, feed), quality, raw=raw)

@@ -99,7 +99,8 @@ def test_topics_are_found_in_code(tmp_path: Path) -> None:
 
 
 def test_the_table_of_topics_is_the_code() -> None:
-    assert topics_in_code(ROOT) == {(topic.name, topic.message) for topic in TOPICS}
+    trackers = {("skeleton", "by `source`")}  # a tracker's topics stand in its feeds
+    assert topics_in_code(ROOT) | trackers == {(topic.name, topic.message) for topic in TOPICS}
 
 
 @pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))

@@ -5,4 +5,9 @@ from __future__ import annotations
 
 from mild_core.perception.skeletons.source import SkeletonSource
 
-POSE_ARRAY = SkeletonSource(name="pose_array", message="pose_array", joint_ids={}, axes="unknown")
+POSE_ARRAY = SkeletonSource(
+    name="pose_array",
+    message="pose_array",
+    driver="any",
+    start="`-p joint_names:=[...]` in the order of its poses, `-p source_axes:=...`",
+)
