@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mild_core.retargeting.arm_mapping import FourJointArm
 from mild_core.shapes import FloatArray, read_only, require_shape
 
 
@@ -28,6 +29,8 @@ class RobotModel:
         base_link: The frame that stands in the world: REP-103 axes, x forward.
         tool_link: The frame that meets the person's hand.
         rest: Positions [rad, or m of a sliding joint] of the joints that nothing commands, as (name, position).
+        floor_m: Height of the floor in the base frame, for a robot that stands on it; None for one on a table.
+        arm: How a person's arm becomes positions of the joints, where that is known in closed form.
 
     Raises:
         ValueError: An array has another shape, a limit is empty, or `home_rad` lies outside the limits.
@@ -45,6 +48,8 @@ class RobotModel:
     base_link: str
     tool_link: str
     rest: tuple[tuple[str, float], ...] = field(default=())
+    floor_m: float | None = None
+    arm: FourJointArm | None = None
 
     def __post_init__(self) -> None:
         limits = ("velocity_rad_s", "acceleration_rad_s2", "jerk_rad_s3")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Literal
 from xml.etree import ElementTree
 
@@ -70,9 +71,9 @@ def box(size: Vector, centre: Vector, colour: str, turn: Vector = ORIGIN, solid:
     return Shape("box", size, centre, turn, colour, solid)
 
 
-def ball(centre: Vector, radius: float, colour: str) -> Shape:
-    """A sphere, for the eye only."""
-    return Shape("sphere", (radius,), centre, ORIGIN, colour, False)
+def ball(centre: Vector, radius: float, colour: str, solid: bool = False) -> Shape:
+    """A sphere."""
+    return Shape("sphere", (radius,), centre, ORIGIN, colour, solid)
 
 
 def rod(start: Vector, end: Vector, radius: float, colour: str, solid: bool = False) -> Shape:
@@ -88,6 +89,23 @@ def rod(start: Vector, end: Vector, radius: float, colour: str, solid: bool = Fa
 def pill(start: Vector, end: Vector, radius: float, colour: str, solid: bool = False) -> tuple[Shape, ...]:
     """A cylinder with round ends; the ends are for the eye only."""
     return (rod(start, end, radius, colour, solid), ball(start, radius, colour), ball(end, radius, colour))
+
+
+def lathed(
+    profile: tuple[tuple[float, float], ...], colour: str, place: tuple[float, float] = (0.0, 0.0), step: float = 0.012
+) -> tuple[Shape, ...]:
+    """A body of revolution about an upright axis at `place`, of discs `step` thick, for the eye only.
+
+    `profile` gives (height, radius) [m] from one end to the other.
+    """
+    shapes: list[Shape] = []
+    for (low, narrow), (high, wide) in pairwise(profile):
+        discs = max(1, round(abs(high - low) / step))
+        for disc in range(discs):
+            start, end, middle = (low + (high - low) * (disc + part) / discs for part in (0.0, 1.0, 0.5))
+            radius = narrow + (wide - narrow) * (middle - low) / (high - low)
+            shapes.append(rod((*place, start), (*place, end), radius, colour))
+    return tuple(shapes)
 
 
 def cushion(size: Vector, centre: Vector, radius: float, colour: str, facets: int = 3) -> tuple[Shape, ...]:
