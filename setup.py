@@ -55,10 +55,13 @@ setup(
     python_requires=">=3.11",
     # ROS 2 itself comes from apt or from the wheels of requirements/runtime.txt, which an apt install does not have.
     install_requires=[
+        "daqp",
         "matplotlib",
         "numba",
         "numpy",
         "pillow",
+        "pin",
+        "pin-pink",
         "pybullet; python_version < '3.12'",
         "pybullet-arm64; python_version >= '3.12'",
         "rich",

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mild_core.inference.compiled import compiled
+from mild_core.compiled import compiled
 from mild_core.inference.networks import Float32Array
 from mild_core.shapes import FloatArray
 

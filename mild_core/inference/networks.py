@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mild_core.inference.compiled import compiled
+from mild_core.compiled import compiled
 
 Float32Array = NDArray[np.float32]
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mild_core.inference.compiled import compiled
+from mild_core.compiled import compiled
 from mild_core.inference.mixing import add_spread, gate_weights, nearest, posterior
 from mild_core.inference.networks import Float32Array, run_layers
 from mild_core.inference.priors.filtering import UNDERFLOW, filter_frames, observe_frame

@@ -11,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from mild_core.inference.compiled import compiled
+from mild_core.compiled import compiled
 from mild_core.inference.gaussian import LOG_TWO_PI
 from mild_core.inference.priors.chain import run_filter
 from mild_core.inference.priors.prior import Prior

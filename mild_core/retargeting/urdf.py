@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Read the tree of links and joints from a robot description (URDF), trusting nothing in it."""
+"""Read the links' shapes and the joints from a robot description (URDF), trusting nothing in it."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 from xml.etree import ElementTree
 
 import numpy as np
@@ -18,6 +20,11 @@ SIZE_LIMIT = 8_000_000
 
 TURNING, SLIDING, FIXED = ("revolute", "continuous"), ("prismatic",), ("fixed",)
 """The kinds of joints that can be computed; `floating` and `planar` ones have no single position."""
+
+SHAPES = {"box": (("size", 3),), "cylinder": (("radius", 1), ("length", 1)), "sphere": (("radius", 1),)}
+"""Primitive shapes, and how many numbers each of their sizes has."""
+
+Parts = TypeVar("Parts")
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +54,23 @@ class Joint:
     offset: float = 0.0
 
 
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """One body of primitive shape that a link collides with.
+
+    Attributes:
+        link: Whose it is.
+        kind: `box`, `cylinder` (along its z) or `sphere`.
+        size_m: Edges of the box; radius and length of the cylinder; radius of the sphere.
+        origin: (4, 4) pose of its centre in the link's frame [m].
+    """
+
+    link: str
+    kind: str
+    size_m: tuple[float, ...]
+    origin: FloatArray
+
+
 class _Refusing(ElementTree.TreeBuilder):
     """Builds the tree of elements but takes no document type: entities that expand without end come with one."""
 
@@ -62,6 +86,21 @@ def read_joints(path: Path) -> tuple[Joint, ...]:
 
     Source: the URDF specification, http://wiki.ros.org/urdf/XML
     """
+    return _read(path, lambda root: tuple(_joint(element) for element in root.findall("joint")))
+
+
+def read_solids(path: Path) -> tuple[Solid, ...]:
+    """What the links of the description at `path` collide with; meshes are passed over.
+
+    Raises:
+        SetupError: The file is missing, too large or no URDF.
+
+    Source: the URDF specification, http://wiki.ros.org/urdf/XML
+    """
+    return _read(path, lambda root: tuple(solid for link in root.findall("link") for solid in _solids(link)))
+
+
+def _read(path: Path, read: Callable[[ElementTree.Element], Parts]) -> Parts:
     try:
         with path.open("rb") as file:
             text = file.read(SIZE_LIMIT + 1)
@@ -73,9 +112,26 @@ def read_joints(path: Path) -> tuple[Joint, ...]:
         root = ElementTree.fromstring(text, parser=ElementTree.XMLParser(target=_Refusing()))
         if root.tag != "robot":
             raise ValueError(f"its root is <{root.tag}>, not <robot>")
-        return tuple(_joint(element) for element in root.findall("joint"))
+        return read(root)
     except (ValueError, ElementTree.ParseError, LookupError) as error:
         raise SetupError(str(path), f"is no robot description: {error}", "give a valid URDF file") from error
+
+
+def _solids(link: ElementTree.Element) -> Iterator[Solid]:
+    for element in link.findall("collision"):
+        for kind, sizes in SHAPES.items():
+            shape = element.find(f"geometry/{kind}")
+            if shape is None:
+                continue
+            size = tuple(number for name, count in sizes for number in _numbers(shape, name, (0.0,) * count))
+            yield Solid(link.get("name", ""), kind, size, read_only(_pose(element.find("origin"))))
+
+
+def _pose(origin: ElementTree.Element | None) -> FloatArray:
+    pose = np.eye(4)
+    pose[:3, :3] = rotation_from_rpy(*_numbers(origin, "rpy", (0.0, 0.0, 0.0)))
+    pose[:3, 3] = _numbers(origin, "xyz", (0.0, 0.0, 0.0))
+    return pose
 
 
 def _joint(element: ElementTree.Element) -> Joint:
@@ -83,20 +139,16 @@ def _joint(element: ElementTree.Element) -> Joint:
     if not name or kind not in TURNING + SLIDING + FIXED:
         raise ValueError(f"joint '{name}' of type '{kind}' cannot be computed")
     origin, axis, mimic = element.find("origin"), element.find("axis"), element.find("mimic")
-    translation = _numbers(origin, "xyz", (0.0, 0.0, 0.0))
     direction = np.array(_numbers(axis, "xyz", (1.0, 0.0, 0.0)))
     length = float(np.linalg.norm(direction))
     if kind not in FIXED and length < 1e-6:
         raise ValueError(f"joint '{name}' has no axis")
-    pose = np.eye(4)
-    pose[:3, :3] = rotation_from_rpy(*_numbers(origin, "rpy", (0.0, 0.0, 0.0)))
-    pose[:3, 3] = translation
     return Joint(
         name=name,
         kind=kind,
         parent=_link(element, name, "parent"),
         child=_link(element, name, "child"),
-        origin=read_only(pose),
+        origin=read_only(_pose(origin)),
         axis=read_only(direction / max(length, 1e-6)),
         mimics="" if mimic is None else mimic.get("joint", ""),
         multiplier=_numbers(mimic, "multiplier", (1.0,))[0],

@@ -13,7 +13,13 @@ import pytest
 
 from test.habits.tree import ROOT, files, imports, parse, plant, python_files
 
-DISTRIBUTIONS = {"PIL": "pillow", "ament_index_python": "ros-ament-index-python", "rclpy": "ros-rclpy"}
+DISTRIBUTIONS = {
+    "PIL": "pillow",
+    "ament_index_python": "ros-ament-index-python",
+    "pink": "pin-pink",
+    "pinocchio": "pin",
+    "rclpy": "ros-rclpy",
+}
 """Where the package's name is not the module's."""
 
 ROSDEP_KEYS = {
@@ -32,7 +38,7 @@ ROSDEP_KEYS = {
     "typer": "python3-typer",
     "yourdfpy": "python3-yourdfpy-pip",
 }
-"""Keys that rosdistro has; safetensors, viser and ruckig's Python side have none."""
+"""Keys that rosdistro has; safetensors, viser, pin-pink and ruckig's Python side have none."""
 
 ONLY_HOST = "download.pytorch.org"
 

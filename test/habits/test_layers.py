@@ -11,7 +11,7 @@ import pytest
 
 from test.habits.tree import ROOT, Import, imports, is_under, plant, python_files
 
-FOUNDATION = ("mild_core.signals", "mild_core.shapes", "mild_core.errors")
+FOUNDATION = ("mild_core.signals", "mild_core.shapes", "mild_core.errors", "mild_core.compiled")
 STAGES = ("mild_core.perception", "mild_core.inference", "mild_core.retargeting")
 NUMERICS = ("numpy", "numba", "ruckig", "safetensors")
 
@@ -32,9 +32,15 @@ LAWS = (
     Law("mild_core/signals.py", FOUNDATION, ("numpy",)),
     Law("mild_core/shapes.py", FOUNDATION, ("numpy",)),
     Law("mild_core/errors.py", FOUNDATION, ("numpy",)),
+    Law("mild_core/compiled.py", (), ("numba",)),
     Law("mild_core/perception/", (*FOUNDATION, "mild_core.perception"), NUMERICS),
     Law("mild_core/inference/", (*FOUNDATION, "mild_core.inference"), NUMERICS),
     Law("mild_core/retargeting/", (*FOUNDATION, "mild_core.retargeting"), NUMERICS),
+    Law(
+        "mild_core/retargeting/inverse_kinematics.py",
+        (*FOUNDATION, "mild_core.retargeting"),
+        (*NUMERICS, "pink", "pinocchio"),
+    ),
     Law("mild_core/pipeline.py", (*FOUNDATION, *STAGES), ("numpy",)),
     Law(
         "mild_core/learning/", (*FOUNDATION, *STAGES, "mild_core.pipeline", "mild_core.learning"), (*NUMERICS, "torch")

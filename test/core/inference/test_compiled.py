@@ -15,7 +15,7 @@ PACKAGE = Path(mild_core.__file__).parent
 
 PROGRAM = """
 import numpy as np
-from mild_core.inference.compiled import _cache_folder
+from mild_core.compiled import _cache_folder
 from mild_core.inference.priors.filtering import factorise
 print(round(float(factorise(np.array([[4.0, 2.0], [2.0, 5.0]]), 2, np.empty(2))), 6), _cache_folder(), sep="|")
 """
@@ -39,7 +39,7 @@ def run(path: Path, **environment: str) -> list[str]:
 
 def copied(tmp_path: Path) -> Path:
     (tmp_path / "mild_core").mkdir()
-    for name in ("__init__.py", "shapes.py", "errors.py", "signals.py"):
+    for name in ("__init__.py", "shapes.py", "errors.py", "signals.py", "compiled.py"):
         shutil.copy(PACKAGE / name, tmp_path / "mild_core" / name)
     ignored = shutil.ignore_patterns("__pycache__")
     shutil.copytree(PACKAGE / "inference", tmp_path / "mild_core" / "inference", ignore=ignored)
