@@ -25,7 +25,7 @@ class Predictor(Promise):
             demonstration: A trial. Its interaction may be looked at; its `controlled` may not.
 
         Returns:
-            (N, W, J) joint angles [rad], in the order of `windows.cut`.
+            (N, W, J) joint angles [rad], or (N, W, J, 3) the partner's arm [m], in the order of `windows.cut`.
         """
         ...
 
@@ -52,12 +52,14 @@ class Baseline:
         title: For the table.
         fit: Learns it.
         seeded: Whether the seed changes anything; if not, one seed is enough.
+        told: Whether its predictor looks at the interaction of a trial.
     """
 
     name: str
     title: str
     fit: Fit
     seeded: bool
+    told: bool = True
 
 
 def by_interaction(demonstrations: Sequence[Demonstration]) -> Mapping[str, tuple[Demonstration, ...]]:

@@ -23,7 +23,8 @@ from mild_core.learning.methods import METHODS
 from mild_core.learning.recording import Demonstrations
 from mild_core.learning.windows import protocol_named
 
-GIVEN, RECOGNISED = "given", "recognised"
+GIVEN, RECOGNISED, UNKNOWN = "given", "recognised", "unknown"
+"""What a method is told of the interaction: its name, that it has to find it out, or nothing and it never asks."""
 
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Each worker is one thread: the cores are used by the workers, and figures do not depend on how many there are."""
@@ -47,8 +48,8 @@ class Result:
 
     Attributes:
         job: What was done.
-        errors: Errors of the held-out trials, under "given", and under "recognised" by a method that can do without
-            being told the interaction.
+        errors: Errors of the held-out trials by what the method was told: under "given", and under "recognised" too by
+            one that can find the interaction out; under "unknown" alone by one that never looks at it.
         seconds: How long learning took.
     """
 
@@ -89,10 +90,12 @@ def run_job(job: Job) -> Result:
     """
     protocol = DATASETS[job.recording].protocols[job.protocol]
     fold = folds_of(_read(job.recording, job.path).train)[job.fold]
-    begin = time.perf_counter()
-    predictor = METHODS[job.method].fit(fold.learned, protocol, job.seed)
+    method, begin = METHODS[job.method], time.perf_counter()
+    predictor = method.fit(fold.learned, protocol, job.seed)
     seconds = time.perf_counter() - begin
-    errors = {GIVEN: tuple(errors_of_trial(trial, protocol, predictor.predict(trial)) for trial in fold.held_out)}
+    answers = ((trial, predictor.predict(trial)) for trial in fold.held_out)
+    told = GIVEN if method.told else UNKNOWN
+    errors = {told: tuple(errors_of_trial(trial, protocol, answer) for trial, answer in answers)}
     if isinstance(predictor, Recognising):
         answers = ((trial, predictor.predict_recognised(trial)) for trial in fold.held_out)
         errors[RECOGNISED] = tuple(errors_of_trial(trial, protocol, answer) for trial, answer in answers)

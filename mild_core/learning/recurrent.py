@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A plain recurrent network from the human's frames and the interaction's name to the robot's window."""
+"""Recurrent networks from the human's frames to the controlled agent's window: the plain one, and what all share."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,89 +26,144 @@ NOISE = 0.1
 """Standard deviation of noise on the standardised features: with 24 trials the network would learn them by heart."""
 
 
-class _Network(nn.Module):
-    """One GRU layer and a linear read-out at each frame."""
+@dataclass(frozen=True, eq=False)
+class View:
+    """The human as a recurrent network sees them.
+
+    Attributes:
+        protocol: By which trials are cut.
+        interactions: Whose name is told, one-hot; none: the network is not told.
+        mean: (D,) of the features.
+        scale: (D,).
+        stride: Every how many frames one is seen.
+    """
+
+    protocol: Protocol
+    interactions: tuple[str, ...]
+    mean: FloatArray
+    scale: FloatArray
+    stride: int
+
+    @property
+    def size(self) -> int:
+        """Numbers of one frame."""
+        return len(self.mean) + len(self.interactions)
+
+    def frames(self, demonstration: Demonstration) -> Tensor:
+        """(T, D + number of interactions) standardised features and the interaction."""
+        features = features_of(thin(demonstration, self.protocol), self.protocol.features)
+        known = np.array([name == demonstration.interaction for name in self.interactions], dtype=float)
+        known = np.broadcast_to(known, (len(features), len(known)))
+        return torch.tensor(np.concatenate([(features - self.mean) / self.scale, known], axis=1), dtype=torch.float32)
+
+
+def view_of(demonstrations: Sequence[Demonstration], protocol: Protocol, told: bool) -> View:
+    """How a network shall see trials like these; `told`: with their interaction."""
+    features = np.concatenate([features_of(thin(d, protocol), protocol.features) for d in demonstrations])
+    interactions = tuple(dict.fromkeys(d.interaction for d in demonstrations)) if told else ()
+    # The floor keeps a joint that hardly moves (the shoulder) from being blown up to the size of the hand's motion.
+    scale = features.std(axis=0) + 0.1 * features.std()
+    stride = max(1, round(demonstrations[0].rate_hz / protocol.keep_every / SEEN_HZ))
+    return View(protocol, interactions, features.mean(axis=0), scale, stride)
+
+
+class RecurrentNetwork(nn.Module, ABC):
+    """From the human's frames so far to the standardised answer (F values) at each of them."""
+
+    @abstractmethod
+    def loss(self, frames: Tensor, wanted: Tensor) -> Tensor:
+        """Frames (B, T, inputs) and answers (B, T, F) -> (B, T)."""
+
+    @abstractmethod
+    def answer(self, frames: Tensor) -> Tensor:
+        """(B, T, inputs) -> (B, T, F)."""
+
+
+class PlainGru(RecurrentNetwork):
+    """One GRU layer and a linear read-out; squared error."""
 
     def __init__(self, inputs: int, outputs: int) -> None:
         super().__init__()
         self.recurrent = nn.GRU(inputs, HIDDEN, batch_first=True)
         self.read_out = nn.Linear(HIDDEN, outputs)
 
-    def forward(self, frames: Tensor) -> Tensor:
-        """(B, T, inputs) -> (B, T, outputs)."""
+    def answer(self, frames: Tensor) -> Tensor:
+        """See `RecurrentNetwork`."""
         hidden, _ = self.recurrent(frames)
         answer: Tensor = self.read_out(hidden)
         return answer
 
+    def loss(self, frames: Tensor, wanted: Tensor) -> Tensor:
+        """See `RecurrentNetwork`."""
+        return ((self.answer(frames) - wanted) ** 2).mean(dim=-1)
+
 
 @dataclass(frozen=True, eq=False)
 class Recurrent:
-    """The network with the standardisation it was trained under."""
+    """A network with the standardisation it was trained under."""
 
-    protocol: Protocol
-    interactions: tuple[str, ...]
-    features: tuple[FloatArray, FloatArray]
+    view: View
     answers: tuple[FloatArray, float]
-    stride: int
-    network: _Network
-
-    def frames(self, demonstration: Demonstration) -> Tensor:
-        """(T, D + number of interactions) standardised features and the interaction, one-hot."""
-        features = features_of(thin(demonstration, self.protocol), self.protocol.features)
-        known = np.array([name == demonstration.interaction for name in self.interactions], dtype=float)
-        known = np.broadcast_to(known, (len(features), len(known)))
-        mean, scale = self.features
-        return torch.tensor(np.concatenate([(features - mean) / scale, known], axis=1), dtype=torch.float32)
+    network: RecurrentNetwork
 
     def predict(self, demonstration: Demonstration) -> FloatArray:
         """Every `stride`-th frame is seen, up to the newest of each window (see `Predictor`)."""
-        true = cut(demonstration, self.protocol).controlled
-        frames, (mean, scale) = self.frames(demonstration), self.answers
+        true, stride = cut(demonstration, self.view.protocol).controlled, self.view.stride
+        frames, (mean, scale) = self.view.frames(demonstration), self.answers
         answers = np.empty((len(frames), len(mean)))
         with torch.no_grad():
-            for phase in range(self.stride):
-                answers[phase :: self.stride] = self.network(frames[None, phase :: self.stride])[0].double().numpy()
-        first = self.protocol.window - 1
+            for phase in range(min(stride, len(frames))):
+                answers[phase::stride] = self.network.answer(frames[None, phase::stride])[0].double().numpy()
+        first = self.view.protocol.window - 1
         answer: FloatArray = (answers[first : first + len(true)] * scale + mean).reshape(true.shape)
         return answer
 
 
-def fit_recurrent(demonstrations: Sequence[Demonstration], protocol: Protocol, seed: int) -> Recurrent:
-    """Learn all interactions with one network (see `Fit`)."""
-    features = np.concatenate([features_of(thin(d, protocol), protocol.features) for d in demonstrations])
-    answers = [cut(d, protocol).controlled.reshape(len(cut(d, protocol).controlled), -1) for d in demonstrations]
+def fit_recurrent(
+    demonstrations: Sequence[Demonstration],
+    protocol: Protocol,
+    seed: int,
+    network_of: Callable[[int, Tensor], RecurrentNetwork],
+    told: bool = True,
+) -> Recurrent:
+    """Learn all interactions with one network (see `Fit`).
+
+    Args:
+        demonstrations: To learn from.
+        protocol: How windows are cut.
+        seed: Of all draws.
+        network_of: Makes the network from the number of inputs and all standardised answers (N, F).
+        told: Whether the network is told the interaction.
+    """
+    windows = [cut(d, protocol).controlled for d in demonstrations]
+    answers = [part.reshape(len(part), int(np.prod(part.shape[1:]))) for part in windows]
     mean, scale = np.concatenate(answers).mean(axis=0), float(np.concatenate(answers).std())
-    interactions = tuple(dict.fromkeys(d.interaction for d in demonstrations))
-    # The floor keeps a joint that hardly moves (the shoulder) from being blown up to the size of the hand's motion.
-    standard = (features.mean(axis=0), features.std(axis=0) + 0.1 * features.std())
+    standard = [torch.tensor((answer - mean) / scale, dtype=torch.float32) for answer in answers]
+    view = view_of(demonstrations, protocol, told)
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
-        network = _Network(features.shape[1] + len(interactions), len(mean))
-        stride = max(1, round(demonstrations[0].rate_hz / protocol.keep_every / SEEN_HZ))
-        learned = Recurrent(protocol, interactions, standard, (mean, scale), stride, network)
-        _train(learned, [learned.frames(d) for d in demonstrations], [(a - mean) / scale for a in answers])
+        learned = Recurrent(view, (mean, scale), network_of(view.size, torch.cat(standard)))
+        _train(learned, [view.frames(d) for d in demonstrations], standard)
     return learned
 
 
-def _train(learned: Recurrent, tracks: Sequence[Tensor], answers: Sequence[FloatArray]) -> None:
-    """Squared error at every frame that has an answer; the whole set is one batch."""
-    network, stride, window = learned.network, learned.stride, learned.protocol.window
+def _train(learned: Recurrent, tracks: Sequence[Tensor], answers: Sequence[Tensor]) -> None:
+    """The loss at every frame that has an answer; the whole set is one batch."""
+    network, stride, window = learned.network, learned.view.stride, learned.view.protocol.window
     frames = nn.utils.rnn.pad_sequence(list(tracks), batch_first=True)
     wanted = torch.zeros(len(tracks), frames.shape[1], answers[0].shape[1])
-    counts = torch.zeros(len(tracks), frames.shape[1], 1)
+    counts = torch.zeros(len(tracks), frames.shape[1])
     for row, answer in enumerate(answers):
         span = slice(window - 1, window - 1 + len(answer))
-        wanted[row, span], counts[row, span] = torch.tensor(answer, dtype=torch.float32), 1.0
-    noise_scale = torch.full((frames.shape[2],), NOISE)
+        wanted[row, span], counts[row, span] = answer, 1.0
     optimiser = torch.optim.AdamW(network.parameters(), lr=LEARNING_RATE, weight_decay=WEIGHT_DECAY)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, EPOCHS)
     for _ in range(EPOCHS):
         optimiser.zero_grad()
         seen = slice(int(torch.randint(stride, ())), None, stride)
-        answered = network(frames[:, seen] + noise_scale * torch.randn_like(frames[:, seen]))
-        error = ((answered - wanted[:, seen]) ** 2 * counts[:, seen]).sum()
-        loss = error / (counts[:, seen].sum() * wanted.shape[2])
-        loss.backward()
+        losses = network.loss(frames[:, seen] + NOISE * torch.randn_like(frames[:, seen]), wanted[:, seen])
+        loss = (losses * counts[:, seen]).sum() / counts[:, seen].sum()
+        loss.backward()  # type: ignore[no-untyped-call]  # torch does not type it
         nn.utils.clip_grad_norm_(network.parameters(), 1.0)
         optimiser.step()
         schedule.step()
