@@ -123,7 +123,7 @@ def fit_recurrent(
     demonstrations: Sequence[Demonstration],
     protocol: Protocol,
     seed: int,
-    network_of: Callable[[int, Tensor], RecurrentNetwork],
+    network_of: Callable[[int, Tensor], RecurrentNetwork] = lambda inputs, answers: PlainGru(inputs, answers.shape[1]),
     told: bool = True,
 ) -> Recurrent:
     """Learn all interactions with one network (see `Fit`).
@@ -132,7 +132,7 @@ def fit_recurrent(
         demonstrations: To learn from.
         protocol: How windows are cut.
         seed: Of all draws.
-        network_of: Makes the network from the number of inputs and all standardised answers (N, F).
+        network_of: Makes the network from the number of inputs and all standardised answers (N, F); a plain GRU.
         told: Whether the network is told the interaction.
     """
     windows = [cut(d, protocol).controlled for d in demonstrations]

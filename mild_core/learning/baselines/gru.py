@@ -12,10 +12,9 @@ from mild_core.learning.windows import Protocol
 
 def fit(demonstrations: Sequence[Demonstration], protocol: Protocol, seed: int) -> Predictor:
     """Learn all interactions with one network (see `Fit`)."""
-    # torch takes seconds to import, and the others need none
-    from mild_core.learning.recurrent import PlainGru, fit_recurrent
+    from mild_core.learning.recurrent import fit_recurrent  # torch takes seconds to import, and the others need none
 
-    return fit_recurrent(demonstrations, protocol, seed, lambda inputs, answers: PlainGru(inputs, answers.shape[1]))
+    return fit_recurrent(demonstrations, protocol, seed)
 
 
 GRU = Baseline("gru", "plain GRU", fit, seeded=True)
