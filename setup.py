@@ -71,10 +71,11 @@ setup(
         "typer",
         "viser",
         "yourdfpy",
+        "zstandard",
     ],
     extras_require={
         "learning": ["torch"],
-        "test": ["hypothesis", "mypy", "pytest", "pytest-timeout", "pytest-xdist", "ruff", "torch"],
+        "test": ["hypothesis", "mcap", "mypy", "pytest", "pytest-timeout", "pytest-xdist", "ruff", "torch"],
     },
     entry_points={
         "console_scripts": [

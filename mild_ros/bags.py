@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reading bags without ROS: any rosbag2 (mcap, sqlite3, zstd), and one readable line when one is broken.
+"""Reading bags without ROS: any rosbag2 (mcap, sqlite3, zstd) or ROS 1 bag; one readable line when one is broken.
 
 A bag comes from anywhere, so everything that a reader may throw on foreign bytes ends here as a `BagError`.
 Writing lives in `bag_writer.py`, what can be saved of a broken bag in `salvage.py`.
@@ -21,7 +21,8 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from mild_core.errors import BagError, DataError
-from mild_ros.salvage import readable_parts
+from mild_ros.ros1 import SUFFIX, as_rosbag2
+from mild_ros.salvage import salvage as save_what_is_left
 
 SALVAGE = "add --salvage to read what is left of it"
 
@@ -56,24 +57,27 @@ class BagReader:
     Attributes:
         path: The folder or file that was opened.
         topics: What is in it.
-        salvaged: True when the bag is broken and this is what could be saved of it.
+        lost: What of it is not there, in a few words: of a broken bag that is salvaged, or of types of ROS 1 that
+            ROS 2 does not have; "" when it is all there.
+        start_ns: Time of its first message.
         duration_s: From its first message to its last.
-        ended_early: Why reading stopped before the end, in salvage only; "" when it did not.
     """
 
-    def __init__(self, path: Path, reader: AnyReader, salvaged: bool) -> None:
+    def __init__(self, path: Path, reader: AnyReader, lost: str = "") -> None:
         self.path = path
-        self.salvaged = salvaged
-        self.ended_early = ""
-        self.duration_s = max(reader.duration, 0) * 1e-9
+        self.lost = lost
+        self.start_ns = int(reader.start_time)
+        self.duration_s = max(int(reader.duration), 0) * 1e-9
         self._reader = reader
         self.topics: Mapping[str, TopicSummary] = {
             topic: TopicSummary(info.msgtype or "(several types)", info.msgcount)
             for topic, info in reader.topics.items()
         }
+        if not all(isinstance(c.topic, str) and isinstance(c.msgtype, str) for c in reader.connections):
+            raise ValueError("a topic or a type is no text")
 
-    def messages(self, topics: Collection[str] | None = None) -> Iterator[RawMessage]:
-        """Messages in order of receipt, of `topics` only when given.
+    def messages(self, topics: Collection[str] | None = None, start_ns: int | None = None) -> Iterator[RawMessage]:
+        """Messages in order of receipt, of `topics` only and not before `start_ns` when given.
 
         Raises:
             BagError: The bag breaks off, or holds fewer or more messages than its metadata says.
@@ -82,22 +86,18 @@ class BagReader:
         if not wanted:
             return
         expected, seen = sum(c.msgcount for c in wanted), 0
-        source = self._reader.messages(connections=wanted)
+        source = self._reader.messages(connections=wanted, start=start_ns)
         while True:
             try:
                 connection, time_ns, data = next(source)
+                raw = RawMessage(connection.topic, connection.msgtype, _time(time_ns), bytes(data))
             except StopIteration:
                 break
             except Exception as error:  # any failure on foreign bytes is the bag's fault, whatever its class
-                if not self.salvaged:
-                    raise BagError(
-                        str(self.path), f"breaks off after {seen} messages ({_why(error)})", SALVAGE
-                    ) from None
-                self.ended_early = _why(error)
-                return
+                raise BagError(str(self.path), f"breaks off after {seen} messages ({_why(error)})", SALVAGE) from None
             seen += 1
-            yield RawMessage(connection.topic, connection.msgtype, time_ns, bytes(data))
-        if seen != expected and not self.salvaged:
+            yield raw
+        if seen != expected and start_ns is None:
             raise BagError(str(self.path), f"holds {seen} messages where {expected} are announced", SALVAGE)
 
     def decode(self, raw: RawMessage) -> Any:
@@ -117,11 +117,11 @@ class BagReader:
 
 @contextmanager
 def open_bag(path: Path | str, *, salvage: bool = False) -> Iterator[BagReader]:
-    """Open a rosbag2: a folder with metadata.yaml, or one .mcap or .db3 file.
+    """Open a rosbag2 (a folder with metadata.yaml, or one .mcap or .db3 file) or a .bag of ROS 1.
 
     Args:
         path: The bag.
-        salvage: Read what is readable of a bag that is truncated or has lost its metadata.
+        salvage: Read what is readable of a bag that is broken.
 
     Raises:
         BagError: There is no bag, or it is broken (and `salvage` does not help).
@@ -130,20 +130,26 @@ def open_bag(path: Path | str, *, salvage: bool = False) -> Iterator[BagReader]:
     if not path.exists():
         raise BagError(str(path), "there is no such bag", "give the folder of a bag (it holds metadata.yaml) or a file")
     with ExitStack() as stack:
-        parts = [path]
-        if salvage:
-            parts = readable_parts(path, Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="mild_salvage_"))))
+        part, lost = path, ""
+        if salvage and path.suffix != SUFFIX:
+            saved = save_what_is_left(path, _scratch(stack), jazzy_types())
+            part, lost = saved.path, saved.lost
+        elif path.suffix == SUFFIX:
+            part, lost = as_rosbag2(path, _scratch(stack), jazzy_types())
         else:
             _check_folder(path)
         try:
-            reader = AnyReader(parts, default_typestore=jazzy_types())
-            reader.open()
+            reader = stack.enter_context(AnyReader([part], default_typestore=jazzy_types()))
+            bag = BagReader(path, reader, lost)
         except Exception as error:  # rosbags raises many classes here, its own and raw ones
             raise BagError(str(path), f"cannot be read as a bag ({_why(error)})", _remedy(salvage)) from None
-        stack.callback(reader.close)
         if not salvage:
             _check_counts(path, reader)
-        yield BagReader(path, reader, salvage)
+        yield bag
+
+
+def _scratch(stack: ExitStack) -> Path:
+    return Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="mild_bag_")))
 
 
 def topic_of_type(reader: BagReader, type_name: str, wanted: str = "") -> str:
@@ -168,7 +174,7 @@ def _check_folder(path: Path) -> None:
     """Refuse a folder whose metadata is missing, unreadable or points out of the bag."""
     if not path.is_dir():
         if path.suffix not in (".mcap", ".db3"):
-            raise BagError(str(path), "is no bag", "give a folder with metadata.yaml, or a .mcap or .db3 file")
+            raise BagError(str(path), "is no bag", "give a folder with metadata.yaml, or a .mcap, .db3 or .bag file")
         return
     file = path / "metadata.yaml"
     if not file.exists():
@@ -195,6 +201,13 @@ def _check_counts(path: Path, reader: AnyReader) -> None:
         if storages and stored != part.message_count:
             said = f"metadata.yaml announces {part.message_count} messages, its files hold {stored}"
             raise BagError(str(path), said, SALVAGE)
+
+
+def _time(time_ns: object) -> int:
+    """A time of receipt as the storage gives it; sqlite3 keeps anything in a column of whole numbers."""
+    if not (isinstance(time_ns, int) and 0 <= time_ns < 2**63):
+        raise ValueError(f"a message has the time {time_ns!r}")
+    return time_ns
 
 
 def _remedy(salvage: bool) -> str:

@@ -1,101 +1,141 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What can be saved of a broken bag: whole records of a cut-off mcap file, and files without their metadata.
+"""What can be saved of a broken bag: every whole message of its storage files, written again as one good file.
 
-An mcap file is a row of records, so a file that was cut off (kill, full disk, copy) is good up to its last whole
-record; closing it there with an empty footer makes it a valid file without an index.
-
-Source: MCAP file format specification, https://mcap.dev/spec (records, DataEnd, Footer).
+`salvage_mcap.py` and `salvage_sqlite.py` find the messages; here they are brought together, and counted against what
+the metadata announces.
 """
 
 from __future__ import annotations
 
-import struct
+import re
+import shutil
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
 
-from rosbags.rosbag2.storage_mcap import decompress
+from rosbags.interfaces import Connection
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
 
 from mild_core.errors import BagError
+from mild_ros.salvage_found import Found, Loss, unpacked
+from mild_ros.salvage_mcap import mcap_messages
+from mild_ros.salvage_sqlite import sqlite_messages
 
-MAGIC = b"\x89MCAP0\r\n"
-_DATA_END, _CHUNK = 0x0F, 0x06
-_HEADER_BYTES = 9  # one byte of kind, eight of length
-_EMPTY_ENDING = (
-    struct.pack("<BQI", _DATA_END, 4, 0)
-    + struct.pack("<BQQQI", 0x02, 20, 0, 0, 0)  # footer: no summary
-    + MAGIC
-)
+_PACKED = (".zstd", ".zst")
+_METADATA_BYTES = 2**24
 
 
-def readable_parts(path: Path, scratch: Path) -> list[Path]:
-    """Copies of the storage files of a bag, closed where they break off.
+@dataclass(frozen=True)
+class Salvaged:
+    """What was saved.
+
+    Attributes:
+        path: An mcap file with all of it.
+        saved: How many messages.
+        lost: What was not, in a few words; "" when nothing is known to be missing.
+    """
+
+    path: Path
+    saved: int
+    lost: str
+
+
+def salvage(path: Path, scratch: Path, types: Typestore) -> Salvaged:
+    """Write what is readable of a bag again.
 
     Args:
         path: The bag's folder or one storage file.
-        scratch: An empty folder for the copies.
-
-    Returns:
-        Files that rosbags can open by themselves, in order of their names.
+        scratch: An empty folder for it.
+        types: Known when the bag does not define its own.
 
     Raises:
         BagError: There is nothing to read.
     """
-    files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
-    parts = []
-    for file in files:
-        if file.suffix == ".mcap" and seal_mcap(file, scratch / file.name):
-            parts.append(scratch / file.name)
-        elif file.suffix == ".db3":
-            parts.append(file)
-    packed = [file.name for file in files if file.suffix in (".zstd", ".zst")]
-    if not parts and packed:
-        raise BagError(str(path), f"holds packed files ({packed[0]})", "unpack them with `zstd -d` and try again")
-    if not parts:
-        raise BagError(str(path), "holds no readable message", "record it again")
-    return parts
+    files = sorted(file for file in path.iterdir() if file.is_file()) if path.is_dir() else [path]
+    loss = Loss()
+    with Writer(scratch / "salvaged", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        written = _Rewriting(writer, types)
+        for file in files:
+            for found in _messages(file, scratch, loss):
+                written.add(found, loss)
+        if not written.saved:
+            raise BagError(str(path), "holds no readable message", "record it again")
+    announced = _announced(path / "metadata.yaml") if path.is_dir() else None
+    lost = _told(loss, written.saved, announced)
+    return Salvaged(scratch / "salvaged" / "salvaged.mcap", written.saved, lost)
 
 
-def seal_mcap(source: Path, target: Path) -> bool:
-    """Copy `source` up to its last whole record before any index, and close it; False when nothing is whole."""
-    with source.open("rb") as given:
-        if given.read(len(MAGIC)) != MAGIC:
-            return False
-        end = len(MAGIC)
-        for kind, stop in _whole_records(given):
-            if kind == _DATA_END:
-                break
-            end = stop
-        if end == len(MAGIC):
-            return False
-        given.seek(0)
-        with target.open("wb") as sealed:
-            sealed.write(given.read(end))
-            sealed.write(_EMPTY_ENDING)
-    return True
+def _messages(file: Path, scratch: Path, loss: Loss) -> Iterator[Found]:
+    if file.suffix in _PACKED:
+        file = unpacked(file, scratch / file.stem, loss)
+    if file.suffix == ".mcap":
+        yield from mcap_messages(file, loss)
+    elif file.suffix == ".db3":
+        yield from sqlite_messages(file, scratch / "database", loss)
+        shutil.rmtree(scratch / "database", ignore_errors=True)
 
 
-def _whole_records(file: BinaryIO) -> Iterator[tuple[int, int]]:
-    """Kind and end offset of each record that is wholly there, from the file's position on."""
-    start = file.tell()
-    size = file.seek(0, 2)
-    while start + _HEADER_BYTES <= size:
-        file.seek(start)
-        kind, length = struct.unpack("<BQ", file.read(_HEADER_BYTES))
-        stop = start + _HEADER_BYTES + length
-        if stop > size or (kind == _CHUNK and not _chunk_is_whole(file)):
+def _announced(metadata: Path) -> int | None:
+    """How many messages metadata.yaml speaks of; it may itself be broken."""
+    if not metadata.is_file() or metadata.stat().st_size > _METADATA_BYTES:
+        return None
+    found = re.search(r"^  message_count: *(\d{1,15})\s*$", metadata.read_text(errors="replace"), re.MULTILINE)
+    return int(found.group(1)) if found else None
+
+
+def _told(loss: Loss, saved: int, announced: int | None) -> str:
+    if announced is not None and announced > saved:
+        return f"{announced - saved} of {announced} messages are lost"
+    parts = [f"at least {loss.messages} messages"] if loss.messages else []
+    parts += [f"what was in {loss.unread_bytes} unreadable bytes"] if loss.unread_bytes else []
+    return f"{' and '.join(parts)} are lost" if parts else ""
+
+
+class _Rewriting:
+    """Messages of any origin into one new file."""
+
+    def __init__(self, writer: Writer, types: Typestore) -> None:
+        self.saved = 0
+        self._writer = writer
+        self._connections: dict[tuple[str, str], Connection | None] = {}
+        self._known = types
+
+    def add(self, found: Found, loss: Loss) -> None:
+        """Write a message; one of a type that nobody knows is lost."""
+        key = found.topic, found.type_name
+        if key not in self._connections:
+            self._connections[key] = self._connection(found)
+        connection = self._connections[key]
+        if connection is None:
+            loss.messages += 1
             return
-        yield kind, stop
-        start = stop
+        self._writer.write(connection, found.time_ns, found.data)
+        self.saved += 1
+
+    def _connection(self, found: Found) -> Connection | None:
+        """The type as the bag itself defines it, or, where that is broken or absent, as ROS 2 does."""
+        definition = found.definition if _is_whole(found.definition, found.type_name) else None
+        if definition is None and found.type_name not in self._known.fielddefs:
+            return None
+        store: Typestore | None = None if definition else self._known
+        digest = None if store else "unknown"
+        return self._writer.add_connection(
+            found.topic, found.type_name, typestore=store, msgdef=definition, rihs01=digest
+        )
 
 
-def _chunk_is_whole(file: BinaryIO) -> bool:
-    """Whether the chunk at the file's position unpacks: a disk may have lost its middle."""
-    _, _, unpacked_size, checksum, name_length = struct.unpack("<QQQII", file.read(32))
-    compression = file.read(min(name_length, 16)).decode("ascii", "replace")
-    (packed_size,) = struct.unpack("<Q", file.read(8))
+def _is_whole(definition: str, type_name: str) -> bool:
+    """Whether a message definition can be read and defines that type."""
+    rule = "=" * 80 + "\n"
     try:
-        decompress(file.read(packed_size), compression, unpacked_size, checksum)
-    except Exception:  # each compression has its own errors
+        if definition.startswith(f"{rule}IDL: "):
+            parts = [part.split("\n", 1)[1] for part in definition.split(rule)[1:]]
+            types = {name: kind for part in parts for name, kind in get_types_from_idl(part).items()}
+        else:
+            types = get_types_from_msg(definition, type_name)
+        get_typestore(Stores.EMPTY).register(types)
+    except Exception:  # a parser on foreign bytes
         return False
-    return True
+    return bool(definition) and type_name in types

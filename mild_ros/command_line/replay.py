@@ -52,7 +52,7 @@ def replay(
 
         mild replay --dataset buetepage_hr --trial 8
     """
-    from mild_ros.command_line.results import leave, run_with_progress, tell
+    from mild_ros.command_line.results import leave, run_with_progress, tell, tell_lost
     from mild_ros.demo import RunOptions
 
     if (bag is None) == (not dataset):
@@ -65,6 +65,7 @@ def replay(
         if bag is None:
             bag = Path(scratch, "trial")
             title += f": {_write_trial(dataset, data, trial, bag)}"
+        tell_lost(bag, salvage, console)
         if dds or lock_step or dataset:
             recorded = run_with_progress(bag, folder, options, console)
         else:

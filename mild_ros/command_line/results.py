@@ -16,6 +16,7 @@ from rich.table import Table
 from mild_core.retargeting.robots import ROBOTS
 from mild_core.shapes import FloatArray
 from mild_ros.assembly.perception import make_perception, manifest_of, skeleton_source
+from mild_ros.bags import open_bag
 from mild_ros.demo import RunOptions, run_nodes
 from mild_ros.report import Report, make_report
 from mild_ros.settings import PerceptionParameters
@@ -49,6 +50,17 @@ def run_with_progress(bag: Path, out: Path, options: RunOptions, console: Consol
         return run_nodes(
             bag, out, options, lambda what, share: progress.update(task, description=what, completed=share)
         )
+
+
+def tell_lost(bag: Path, salvage: bool, console: Console) -> None:
+    """Say what of a bag could not be read, if anything.
+
+    Raises:
+        BagError: Nothing can.
+    """
+    with open_bag(bag, salvage=salvage) as opened:
+        if opened.lost:
+            console.print(f"{bag}: {opened.lost}", style="yellow", highlight=False, soft_wrap=True)
 
 
 def leave(recorded: Path, out: Path, options: RunOptions, title: str, console: Console) -> Shown:

@@ -28,12 +28,13 @@ def view(
 
     The page is one HTML file with a play bar. It needs no network and no server.
     """
-    from mild_ros.command_line.results import PAGE, leave, tell
+    from mild_ros.command_line.results import PAGE, leave, tell, tell_lost
     from mild_ros.demo import RunOptions
 
     folder = out or Path("out/view") / bag.resolve().stem
     folder.mkdir(parents=True, exist_ok=True)
     options, console = RunOptions(model=model, source=source, salvage=salvage), Console()
+    tell_lost(bag, salvage, console)
     tell(leave(bag, folder, options, bag.resolve().name, console), str(bag), console)
     if browser:
         typer.launch((folder / PAGE).resolve().as_uri())

@@ -1,0 +1,255 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Broken bags by the thousand: each must be read, be refused in one line, or be salvaged with a count of what is lost.
+
+    python -m test.bench.bag_faults [--mutations 10000] [--seed 0] [--json]
+
+A good bag of every kind is harmed at random and opened, once plainly and once with salvage. Anything but a `BagError`
+of one line (or, for a single message, a `DataError`) is a failure, and so is an opening that takes too long.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import resource
+import shutil
+import signal
+import sys
+import tempfile
+import traceback
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+from rosbags.rosbag1 import Writer as Ros1Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from mild_core.errors import BagError, DataError
+from mild_ros.bag_writer import create_bag
+from mild_ros.bags import jazzy_types, open_bag, topic_of_type
+from mild_ros.encoding import encode
+
+COUNT = 24
+PATIENCE_S = 20
+"""Reading one of these takes hundredths of a second; a busy machine may pause."""
+
+MEMORY_BYTES = 4 * 2**30
+"""A length that was made huge must not be believed."""
+
+STRING, START_NS, STEP_NS = "std_msgs/msg/String", 10**9, 10**7
+TEXTS = [f"message {index} of {COUNT}" for index in range(COUNT)]
+
+
+def write_ours(folder: Path) -> None:
+    """As `record` writes it: chunks of six messages."""
+    text = jazzy_types().types[STRING]
+    with create_bag(folder) as bag:
+        for index, words in enumerate(TEXTS):
+            bag.write("/text", STRING, START_NS + index * STEP_NS, encode(text(words)))
+            if index % 6 == 5:
+                bag.flush()
+
+
+def write_foreign(storage: StoragePlugin, mode: CompressionMode) -> Callable[[Path], None]:
+    """As other tools write it."""
+
+    def write(folder: Path) -> None:
+        text = jazzy_types().types[STRING]
+        writer = Writer(folder, version=9, storage_plugin=storage)
+        writer.set_compression(mode, CompressionFormat.ZSTD)
+        with writer:
+            topic = writer.add_connection("/text", STRING, typestore=jazzy_types())
+            for index, words in enumerate(TEXTS):
+                writer.write(topic, START_NS + index * STEP_NS, encode(text(words)))
+
+    return write
+
+
+def write_ros1(folder: Path) -> None:
+    """A bag of ROS 1, in a folder of its own."""
+    folder.mkdir()
+    types = get_typestore(Stores.ROS1_NOETIC)
+    with Ros1Writer(folder / "old.bag") as writer:
+        topic = writer.add_connection("/text", STRING, typestore=types)
+        for index, words in enumerate(TEXTS):
+            data = types.serialize_ros1(types.types[STRING](words), STRING)
+            writer.write(topic, START_NS + index * STEP_NS, data)
+
+
+KINDS: dict[str, Callable[[Path], None]] = {
+    "mcap, ours": write_ours,
+    "mcap": write_foreign(StoragePlugin.MCAP, CompressionMode.NONE),
+    "mcap, zstd per file": write_foreign(StoragePlugin.MCAP, CompressionMode.FILE),
+    "mcap, zstd per message": write_foreign(StoragePlugin.MCAP, CompressionMode.MESSAGE),
+    "sqlite3": write_foreign(StoragePlugin.SQLITE3, CompressionMode.NONE),
+    "sqlite3, zstd per file": write_foreign(StoragePlugin.SQLITE3, CompressionMode.FILE),
+    "sqlite3, zstd per message": write_foreign(StoragePlugin.SQLITE3, CompressionMode.MESSAGE),
+    "ROS 1": write_ros1,
+}
+
+
+def flip_bits(data: bytearray, generator: np.random.Generator) -> bytearray:
+    """One to sixteen bits turned over."""
+    for at in generator.integers(0, len(data), generator.integers(1, 17)):
+        data[at] ^= 1 << int(generator.integers(0, 8))
+    return data
+
+
+def overwrite(data: bytearray, generator: np.random.Generator) -> bytearray:
+    """A block of noise, zeros or ones: a lost sector, or a length that is huge."""
+    start, length = int(generator.integers(0, len(data))), int(generator.choice([1, 4, 8, 64, 512]))
+    length = min(length, len(data) - start)
+    noise = (generator.bytes(length), bytes(length), b"\xff" * length)[generator.integers(0, 3)]
+    data[start : start + length] = noise
+    return data
+
+
+def truncate(data: bytearray, generator: np.random.Generator) -> bytearray:
+    """Cut off anywhere, the empty file included."""
+    return data[: int(generator.integers(0, len(data)))]
+
+
+def cut_out(data: bytearray, generator: np.random.Generator) -> bytearray:
+    """A piece in the middle is gone."""
+    start, stop = np.sort(generator.integers(0, len(data), 2))
+    return data[:start] + data[stop:]
+
+
+def repeat(data: bytearray, generator: np.random.Generator) -> bytearray:
+    """A piece comes twice."""
+    start, stop = np.sort(generator.integers(0, len(data), 2))
+    return data[:stop] + data[start:]
+
+
+def garbage(data: bytearray, generator: np.random.Generator) -> bytearray:
+    """Something else altogether, perhaps behind the right beginning."""
+    return data[: int(generator.choice([0, 8, 16]))] + generator.bytes(int(generator.integers(0, 2000)))
+
+
+FAULTS = (flip_bits, flip_bits, flip_bits, overwrite, overwrite, truncate, cut_out, repeat, garbage)
+LINE_WORDS = ("99", "-1", "''", "[]", "{}", "null", "../../x", "9" * 30, "nan", "sqlite3", "mcap", "zstd", "&a [*a]")
+
+
+def spoil_line(text: str, generator: np.random.Generator) -> str:
+    """One line of metadata is gone, doubled, moved or says something else."""
+    lines = text.splitlines()
+    at = int(generator.integers(0, len(lines)))
+    fault = generator.integers(0, 4)
+    if fault == 0:
+        del lines[at]
+    elif fault == 1:
+        lines.insert(int(generator.integers(0, len(lines))), lines[at])
+    elif fault == 2:
+        lines[at] = "  " * int(generator.integers(0, 4)) + lines[at].strip()
+    else:
+        lines[at] = lines[at].split(":")[0] + ": " + str(generator.choice(LINE_WORDS))
+    return "\n".join(lines)
+
+
+def harm(folder: Path, generator: np.random.Generator) -> str:
+    """Do something to a bag; says what."""
+    files = sorted(folder.iterdir())
+    if len(files) > 1 and generator.random() < 0.05:
+        generator.choice(np.array(files, dtype=object)).unlink()
+        return "file gone"
+    file = files[int(generator.integers(0, len(files)))]
+    if file.suffix == ".yaml" and generator.random() < 0.7:
+        file.write_text(spoil_line(file.read_text(), generator))
+        return "metadata line"
+    fault = FAULTS[int(generator.integers(0, len(FAULTS)))]
+    file.write_bytes(fault(bytearray(file.read_bytes()), generator))
+    return f"{'metadata ' if file.suffix == '.yaml' else ''}{fault.__name__}"
+
+
+def outcome(path: Path, *, salvage: bool) -> str:
+    """What comes of opening and reading everything.
+
+    Raises:
+        Exception: Whatever should not be.
+    """
+    read = undecodable = 0
+    try:
+        with open_bag(path, salvage=salvage) as bag:
+            assert topic_of_type(bag, STRING)
+            for raw in bag.messages():
+                read += 1
+                assert 0 <= raw.time_ns < 2**63
+                try:
+                    bag.decode(raw)
+                except DataError:
+                    undecodable += 1
+            lost = bag.lost
+    except BagError as error:
+        return f"{'broke off' if read else 'refused'}, {len(str(error).splitlines())} line"
+    if undecodable:
+        return "read, messages undecodable"
+    if salvage:
+        return "salvaged, loss told" if lost else "salvaged" if read < COUNT else "salvaged whole"
+    return "read whole" if read == COUNT else "read"
+
+
+@contextmanager
+def deadline(seconds: int) -> Iterator[None]:
+    """Raises TimeoutError in what takes longer."""
+
+    def too_long(*_: object) -> None:
+        raise TimeoutError(f"longer than {seconds} s")
+
+    before = signal.signal(signal.SIGALRM, too_long)
+    signal.alarm(seconds)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def run(mutations: int, seed: int) -> tuple[Counter[tuple[str, str, str]], list[str]]:
+    """Harm and open so many bags; outcomes by kind, salvage and outcome, and the failures as texts."""
+    generator, outcomes, failures = np.random.default_rng(seed), Counter[tuple[str, str, str]](), list[str]()
+    with tempfile.TemporaryDirectory(prefix="mild_faults_") as scratch:
+        for name, write in KINDS.items():
+            write(Path(scratch, name))
+        for index in range(mutations):
+            name = list(KINDS)[index % len(KINDS)]
+            bag = Path(scratch, "broken")
+            shutil.copytree(Path(scratch, name), bag)
+            fault = harm(bag, generator)
+            path = bag / "old.bag" if name == "ROS 1" else bag
+            for salvage in (False, True):
+                try:
+                    with deadline(PATIENCE_S):
+                        found = outcome(path, salvage=salvage)
+                except Exception:
+                    found = "FAILED"
+                    failures.append(f"{index} {name}, {fault}, salvage {salvage}\n{traceback.format_exc(limit=-4)}")
+                outcomes[name, "salvage" if salvage else "plain", found] += 1
+            shutil.rmtree(bag)
+    return outcomes, failures
+
+
+def main() -> int:
+    """Run and print."""
+    words = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    words.add_argument("--mutations", type=int, default=10_000)
+    words.add_argument("--seed", type=int, default=0)
+    words.add_argument("--json", action="store_true")
+    given = words.parse_args()
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
+    outcomes, failures = run(given.mutations, given.seed)
+    rows = [{"bag": a, "opened": b, "outcome": c, "count": n} for (a, b, c), n in sorted(outcomes.items())]
+    if given.json:
+        print(json.dumps({"mutations": given.mutations, "failures": failures, "outcomes": rows}, indent=1))
+    else:
+        for row in rows:
+            print(f"{row['bag']:26} {row['opened']:8} {row['outcome']:28} {row['count']:6}")
+        print(f"{given.mutations} mutations, {len(failures)} failures")
+        print("\n".join(failures[:10]), file=sys.stderr)
+    return bool(failures)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

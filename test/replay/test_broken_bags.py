@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Broken bags give one line that names the thing, the problem and a remedy, or what can be saved of them."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
+
+from mild_core.errors import BagError, DataError
+from mild_ros.bag_writer import create_bag
+from mild_ros.bags import open_bag
+from test.bench import bag_faults
+from test.replay.made_bags import (
+    COUNT,
+    EXPECTED,
+    JOINT_STATE,
+    positions,
+    refused,
+    write_foreign,
+    write_ours,
+)
+
+
+def test_a_missing_bag_is_named(tmp_path):
+    refused(tmp_path / "nowhere", "there is no such bag")
+
+
+def test_a_folder_without_metadata_is_refused_and_salvaged(tmp_path):
+    path = write_ours(tmp_path / "bag")
+    (path / "metadata.yaml").unlink()
+    refused(path, "has no metadata.yaml", "--salvage")
+    assert positions(path, salvage=True) == EXPECTED
+
+
+def test_an_empty_folder_is_no_bag(tmp_path):
+    (tmp_path / "empty").mkdir()
+    refused(tmp_path / "empty", "has no metadata.yaml")
+    refused(tmp_path / "empty", "no readable message", salvage=True)
+
+
+@pytest.mark.parametrize("text", ["", "{", "rosbag2_bagfile_information: 3", "\x00\x01", "a: [1, 2", "- x"])
+def test_garbage_metadata_is_refused(tmp_path, text):
+    path = write_ours(tmp_path / "bag")
+    (path / "metadata.yaml").write_text(text)
+    refused(path, "metadata")
+    assert positions(path, salvage=True) == EXPECTED
+
+
+def test_a_version_of_the_future_is_refused(tmp_path):
+    path = write_ours(tmp_path / "bag")
+    metadata = path / "metadata.yaml"
+    metadata.write_text(re.sub(r"version: \d+", "version: 99", metadata.read_text()))
+    refused(path, "version 99", "--salvage")
+    assert positions(path, salvage=True) == EXPECTED
+
+
+@pytest.mark.parametrize("key", ["version", "storage_identifier", "topics_with_message_count", "duration"])
+def test_metadata_without_a_key_is_refused(tmp_path, key):
+    path = write_ours(tmp_path / "bag")
+    text = (path / "metadata.yaml").read_text()
+    assert f"  {key}:" in text
+    (path / "metadata.yaml").write_text(text.replace(f"  {key}:", f"  {key}_gone:"))
+    refused(path, key)
+
+
+def test_a_truncated_file_is_refused_and_salvaged(tmp_path):
+    path = write_ours(tmp_path / "bag")
+    file = next(path.glob("*.mcap"))
+    whole = file.read_bytes()
+    lengths = []
+    for end in range(0, len(whole), 307):
+        file.write_bytes(whole[:end])
+        refused(path)
+        try:
+            saved = positions(path, salvage=True)
+        except BagError:
+            saved = []
+        assert saved == EXPECTED[: len(saved)]
+        lengths.append(len(saved))
+    assert lengths[0] == 0
+    assert lengths[-1] == COUNT
+    assert len(set(lengths)) >= 5, "chunks that are whole are saved one by one"
+
+
+def test_a_truncated_database_is_refused(tmp_path):
+    path = write_foreign(tmp_path / "bag", StoragePlugin.SQLITE3, CompressionMode.NONE)
+    file = next(path.glob("*.db3"))
+    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+    refused(path)
+
+
+def lost(path: Path) -> str:
+    with open_bag(path, salvage=True) as bag:
+        return bag.lost
+
+
+def test_what_is_lost_is_counted(tmp_path):
+    path = write_ours(tmp_path / "bag")
+    file = next(path.glob("*.mcap"))
+    assert lost(path) == ""
+    data = bytearray(file.read_bytes())
+    third = [found.start() for found in re.finditer(b"zstd", data)][2]
+    data[third + 20 : third + 28] = b"\xff" * 8
+    file.write_bytes(bytes(data))
+    assert positions(path, salvage=True) == EXPECTED[:20] + EXPECTED[30:], "the search goes on behind a lost chunk"
+    assert lost(path) == f"10 of {COUNT} messages are lost"
+    assert lost(file).startswith("at least 10 messages and what was in")
+
+
+def test_the_journal_of_a_killed_recorder_is_read(tmp_path):
+    whole = write_foreign(tmp_path / "bag", StoragePlugin.SQLITE3, CompressionMode.NONE)
+    killed = tmp_path / "killed"
+    killed.mkdir()
+    with closing(sqlite3.connect(next(whole.glob("*.db3")))) as given:
+        copy = sqlite3.connect(killed / "killed.db3")
+        given.backup(copy)
+    with closing(copy):
+        copy.execute("PRAGMA journal_mode=WAL")
+        copy.execute("UPDATE messages SET timestamp = timestamp + 1")
+        copy.commit()
+        for name in ("killed.db3", "killed.db3-wal"):  # as it lies there when nobody closes it
+            shutil.copyfile(killed / name, tmp_path / name)
+    refused(killed, "has no metadata.yaml")
+    with open_bag(tmp_path / "killed.db3", salvage=True) as bag:
+        assert [raw.time_ns for raw in bag.messages()] == [10**9 + index * 10**7 + 1 for index in range(COUNT)]
+
+
+def test_every_broken_bag_is_one_line_or_salvaged():
+    outcomes, failures = bag_faults.run(120, seed=0)
+    assert failures == []
+    endings = {ending for _, _, ending in outcomes}
+    assert {"refused, 1 line", "read whole", "salvaged whole", "salvaged, loss told"} <= endings
+    assert all(ending.endswith(" 1 line") for ending in endings if "line" in ending)
+
+
+def test_wrong_counts_are_noticed(tmp_path):
+    path = write_ours(tmp_path / "bag")
+    text = (path / "metadata.yaml").read_text()
+    (path / "metadata.yaml").write_text(text.replace(f"message_count: {COUNT}", f"message_count: {COUNT + 3}"))
+    refused(path, f"{COUNT + 3}", f"{COUNT}")
+    assert positions(path, salvage=True) == EXPECTED
+
+
+@pytest.mark.parametrize("name", ["../other/other.mcap", "/etc/passwd", "a/../../b.mcap"])
+def test_a_path_out_of_the_bag_is_refused(tmp_path, name):
+    path = write_ours(tmp_path / "bag")
+    text = (path / "metadata.yaml").read_text()
+    (path / "metadata.yaml").write_text(text.replace("- bag.mcap", f"- {name}"))
+    refused(path, "points outside the bag")
+
+
+def test_garbage_in_one_message_is_told_apart_from_a_broken_bag(tmp_path):
+    with create_bag(tmp_path / "bag") as writer:
+        writer.write("/joint_states", JOINT_STATE, 1, b"\x00\x01\x00\x00" + b"\xff" * 40)
+    with open_bag(tmp_path / "bag") as bag, pytest.raises(DataError, match="undecodable"):
+        bag.decode(next(bag.messages()))
