@@ -50,7 +50,11 @@ setup(
     maintainer="mild_ros maintainers",
     maintainer_email="maintainers@mild-ros.example",
     packages=find_packages(include=["mild_core", "mild_core.*", "mild_ros", "mild_ros.*"]),
-    package_data={"mild_core.retargeting.robots": ["*.urdf"], "mild_core": ["py.typed"]},
+    package_data={
+        "mild_core.retargeting.robots": ["*.urdf"],
+        "mild_core": ["py.typed"],
+        "mild_core.learning": ["configurations/*.toml"],
+    },
     data_files=share_files(),
     python_requires=">=3.11",
     # ROS 2 itself comes from apt or from the wheels of requirements/runtime.txt, which an apt install does not have.
@@ -74,7 +78,7 @@ setup(
         "zstandard",
     ],
     extras_require={
-        "learning": ["torch"],
+        "learning": ["scipy", "torch"],
         "test": ["hypothesis", "mcap", "mypy", "pytest", "pytest-timeout", "pytest-xdist", "ruff", "torch"],
     },
     entry_points={

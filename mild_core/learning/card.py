@@ -54,6 +54,7 @@ def model_card(manifest: Manifest, recording: Recording, retrain: str) -> str:
         LIMITS,
         "## To train it again\n",
         f"```\n{retrain}\n```\n",
+        *_configured(training),
         "Equal seeds, machines and libraries give equal weights; other kernels differ in the last digits.\n",
     ]
     return "\n".join(parts)
@@ -64,6 +65,12 @@ def _moves(manifest: Manifest) -> str:
     if manifest.controlled.kind == "human_arm":
         return "Telling where the right arm of a second person would be, to be mapped onto a robot's,"
     return f"Moving the {len(manifest.controlled.joint_names)} joints of one arm of `{manifest.controlled.robot}`"
+
+
+def _configured(training: Mapping[str, Any]) -> list[str]:
+    """The configuration it was trained with, word by word."""
+    text = training.get("configuration")
+    return [f"Its configuration:\n\n```toml\n{str(text).strip()}\n```\n"] if text else []
 
 
 def cross_validation_entry(table: Mapping[str, Any], method: str) -> dict[str, Any]:

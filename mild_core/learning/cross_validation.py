@@ -16,11 +16,12 @@ from pathlib import Path
 
 from mild_core.errors import unknown_name
 from mild_core.learning.baseline import Recognising
-from mild_core.learning.datasets import DATASETS
+from mild_core.learning.datasets import DATASETS, recording_named
 from mild_core.learning.evaluation import TrialErrors, errors_of_trial
 from mild_core.learning.folds import FOLDS, folds_of
-from mild_core.learning.methods import METHODS
+from mild_core.learning.methods import METHODS, method_for
 from mild_core.learning.recording import Demonstrations
+from mild_core.learning.settings import TrainingSettings
 from mild_core.learning.windows import protocol_named
 
 GIVEN, RECOGNISED, UNKNOWN = "given", "recognised", "unknown"
@@ -32,7 +33,7 @@ ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUM
 
 @dataclass(frozen=True)
 class Job:
-    """One method learned once: on all folds but one, from one seed."""
+    """One method learned once: on all folds but one, from one seed; ours with `settings` where they are given."""
 
     recording: str
     path: Path
@@ -40,6 +41,7 @@ class Job:
     method: str
     fold: int
     seed: int
+    settings: TrainingSettings | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,19 +60,25 @@ class Result:
     seconds: float
 
 
-def jobs_of(recording: str, path: Path, protocol: str, methods: Sequence[str], seeds: int) -> tuple[Job, ...]:
+def jobs_of(
+    recording: str,
+    path: Path,
+    protocol: str,
+    methods: Sequence[str],
+    seeds: int,
+    settings: TrainingSettings | None = None,
+) -> tuple[Job, ...]:
     """Every fold and seed of the methods; one seed where a seed changes nothing.
 
     Raises:
         SetupError: There is no such recording, protocol or method.
     """
-    if recording not in DATASETS:
-        raise unknown_name("dataset", recording, DATASETS)
+    known = recording_named(recording).protocols
     for method in methods:
         if method not in METHODS:
             raise unknown_name("method", method, METHODS)
     return tuple(
-        Job(recording, path, protocol_named(protocol, DATASETS[recording].protocols).name, method, fold, seed)
+        Job(recording, path, protocol_named(protocol, known).name, method, fold, seed, settings)
         for method in methods
         for seed in range(seeds if METHODS[method].seeded else 1)
         for fold in range(FOLDS)
@@ -90,7 +98,8 @@ def run_job(job: Job) -> Result:
     """
     protocol = DATASETS[job.recording].protocols[job.protocol]
     fold = folds_of(_read(job.recording, job.path).train)[job.fold]
-    method, begin = METHODS[job.method], time.perf_counter()
+    method = method_for(job.method, job.recording, job.protocol, job.settings)
+    begin = time.perf_counter()
     predictor = method.fit(fold.learned, protocol, job.seed)
     seconds = time.perf_counter() - begin
     answers = ((trial, predictor.predict(trial)) for trial in fold.held_out)

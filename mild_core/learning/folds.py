@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from mild_core.errors import DatasetError
 from mild_core.learning.demonstration import Demonstration
 
 FOLDS = 4
@@ -18,6 +19,27 @@ class Fold:
 
     learned: tuple[Demonstration, ...]
     held_out: tuple[Demonstration, ...]
+
+
+LEAST_TRIALS = 3
+"""Of an interaction, for a cross-validation: with two, a method learns from one and has none left to choose by."""
+
+
+def require_folds(demonstrations: Sequence[Demonstration], interactions: Sequence[str]) -> None:
+    """Refuse a recording that cannot be divided.
+
+    Raises:
+        DatasetError: It has no trial, or too few of an interaction that it shows.
+    """
+    counts = Counter(demonstration.interaction for demonstration in demonstrations)
+    for name in interactions:
+        if 0 < counts[name] < LEAST_TRIALS:
+            problem = (
+                f"interaction '{name}' has {counts[name]} training trials, a cross-validation needs {LEAST_TRIALS}"
+            )
+            raise DatasetError("recording", problem, "record more, or leave the interaction out")
+    if not counts:
+        raise DatasetError("recording", "its training split is empty", "give a recording with training trials")
 
 
 def folds_of(demonstrations: Sequence[Demonstration], count: int = FOLDS) -> tuple[Fold, ...]:

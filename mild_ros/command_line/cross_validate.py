@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import json
 import os
+import platform
 from collections.abc import Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,53 +19,88 @@ from mild_ros.command_line.error_tables import markdown, print_comparison, rows_
 
 if TYPE_CHECKING:
     from mild_core.learning.cross_validation import Job, Result
+    from mild_core.learning.recording import Recording
+    from mild_core.learning.settings import TrainingSettings
+
+FOLDS = 4
 
 
-def cross_validate(
-    dataset: str,
-    path: Path,
-    protocols: Sequence[str],
-    methods: Sequence[str],
-    seeds: int,
-    workers: int,
-    out: Path,
-    as_json: bool,
-) -> None:
-    """Run, print and write one table per protocol.
+@dataclass(frozen=True)
+class Request:
+    """What to cross-validate.
 
-    Args:
-        dataset: Name in `DATASETS`.
+    Attributes:
+        recording: The recording.
         path: Its file.
         protocols: Names.
+        settings: To train ours with; None: as shipped.
         methods: Names in `METHODS`; none stands for all.
         seeds: Of each method that draws at random.
         workers: Processes; 0 for one per core.
-        out: Folder for `cross_validation_<protocol>.json` and `.md`.
+    """
+
+    recording: Recording
+    path: Path
+    protocols: tuple[str, ...]
+    settings: TrainingSettings | None = None
+    methods: tuple[str, ...] = ()
+    seeds: int = 3
+    workers: int = 0
+
+
+def request_of(config: str, dataset: str, data: Path | None, protocol: str, every: bool) -> Request:
+    """What is asked for, by a configuration or by names; names win.
+
+    Raises:
+        SetupError: There is no such configuration, recording or protocol.
+    """
+    from mild_core.learning.configuration import read_configuration
+    from mild_core.learning.datasets import recording_named
+    from mild_core.learning.windows import protocol_named
+
+    configured = read_configuration(config) if config else None
+    recording = recording_named(dataset or (configured.dataset if configured else "buetepage_hr"))
+    name = protocol or (configured.protocol if configured else "same")
+    protocols = tuple(recording.protocols) if every else (protocol_named(name, recording.protocols).name,)
+    settings = configured.settings if configured else None
+    return Request(recording, data or recording.default_path(), protocols, settings)
+
+
+def cross_validate(request: Request, out: Path, as_json: bool) -> None:
+    """Run, print and write one table per protocol.
+
+    Args:
+        request: What to do.
+        out: Folder for `cross_validation_<dataset>_<protocol>` as `.json`, `.md` and `.png`.
         as_json: Print JSON instead of tables.
     """
     from mild_core.learning.comparison import compare
     from mild_core.learning.cross_validation import jobs_of
-    from mild_core.learning.datasets import DATASETS
+    from mild_core.learning.folds import require_folds
     from mild_core.learning.methods import METHODS
+    from mild_ros.viewing.figures.comparison import draw_comparison
 
-    recording = DATASETS[dataset]
-    recording.read(path)  # a broken file is said before anything else starts
-    wanted, tables = tuple(methods) or tuple(METHODS), {}
-    for protocol in protocols:
-        jobs = jobs_of(dataset, path, protocol, wanted, seeds)
-        rows = compare(_run(jobs, workers, protocol), recording.interactions)
-        about = {"dataset": dataset, "protocol": protocol, "folds": 4, "seeds": seeds, "date": _today()}
-        about |= {"unit": recording.unit.squared}
-        tables[protocol] = {**about, "cores": os.cpu_count(), "methods": rows_as_data(rows, recording.unit)}
+    recording, seeds = request.recording, request.seeds
+    require_folds(recording.read(request.path).train, recording.interactions)  # said before anything else starts
+    tables = {}
+    for protocol in request.protocols:
+        wanted = request.methods or tuple(METHODS)
+        jobs = jobs_of(recording.name, request.path, protocol, wanted, seeds, request.settings)
+        rows = compare(_run(jobs, request.workers, protocol), recording.interactions)
+        about = {"dataset": recording.name, "protocol": protocol, "folds": FOLDS, "seeds": seeds, "date": _today()}
+        about |= {"unit": recording.unit.squared, "cores": os.cpu_count(), "machine": platform.machine()}
+        tables[protocol] = {**about, "methods": rows_as_data(rows, recording.unit)}
         out.mkdir(parents=True, exist_ok=True)
-        (out / f"cross_validation_{protocol}.json").write_text(json.dumps(tables[protocol], indent=1) + "\n")
-        (out / f"cross_validation_{protocol}.md").write_text(markdown(rows, recording.unit))
+        stem = out / f"cross_validation_{recording.name}_{protocol}"
+        stem.with_suffix(".json").write_text(json.dumps(tables[protocol], indent=1) + "\n")
+        stem.with_suffix(".md").write_text(markdown(rows, recording.unit))
+        draw_comparison(tables[protocol], stem.with_suffix(".png"))
         if not as_json:
-            title = f"{dataset}, protocol {protocol}: 4 folds over the training trials, {seeds} seeds"
+            title = f"{recording.name}, protocol {protocol}: {FOLDS} folds over the training trials, {seeds} seeds"
             print_comparison(title, rows, recording.unit)
-            Console().print(f"written to {out}/cross_validation_{protocol}.json and .md", highlight=False)
+            Console().print(f"written to {stem}.json, .md and .png", highlight=False, soft_wrap=True)
     if as_json:
-        print(json.dumps(tables if len(tables) > 1 else tables[protocols[0]], indent=1))
+        print(json.dumps(tables if len(tables) > 1 else tables[request.protocols[0]], indent=1))
 
 
 def _today() -> str:

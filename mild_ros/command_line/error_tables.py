@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 if TYPE_CHECKING:
-    from mild_core.learning.comparison import Row
+    from mild_core.learning.comparison import Relative, Row
     from mild_core.learning.evaluation import Errors
     from mild_core.learning.units import Unit
 
@@ -85,7 +85,7 @@ def rows_as_data(rows: Sequence[Row], unit: Unit) -> list[dict[str, Any]]:
             "macro_mean": row.macro_mean,
             "macro_std": row.macro_std,
             "relative": {
-                name: {"change": relative.change, "interval": relative.interval}
+                name: {"change": relative.change, "interval": relative.interval, "p_value": relative.p_value}
                 for name, relative in row.relative.items()
             },
             "seconds": row.seconds,
@@ -105,27 +105,34 @@ def overall_cells(rows: Sequence[Row], unit: Unit) -> list[list[str]]:
     for row in rows:
         low, high = row.errors.macro_interval or (math.nan, math.nan)
         spread = "" if row.macro_std is None else f" ± {row.macro_std:.4f}"
-        against = [f"{row.relative[name].change:+.0%}" if name in row.relative else "" for name in bars]
+        against = [_against(row.relative[name]) if name in row.relative else "" for name in bars]
         macro = f"{row.macro_mean:.4f}{spread}"
         plain = (unit.plain(row.errors.pooled_rmse), unit.plain(row.errors.mean_absolute))
         lines.append([row.title, row.labels, macro, f"{low:.4f} to {high:.4f}", *plain, *against])
     return lines
 
 
-def interaction_cells(rows: Sequence[Row]) -> list[list[str]]:
-    """Header and lines of the comparison interaction by interaction."""
+def _against(relative: Relative) -> str:
+    """Change against a bar, and how easily chance alone would bring it about."""
+    p_value = "< .001" if relative.p_value < 0.001 else f"{relative.p_value:.3f}".lstrip("0")
+    return f"{relative.change:+.0%} (p {p_value})"
+
+
+def interaction_cells(rows: Sequence[Row], spread: bool) -> list[list[str]]:
+    """Header and lines of the comparison interaction by interaction; `spread`: with the deviation over windows."""
     names = list(rows[0].errors.interactions)
     lines = [["method", "labels", *names]]
     for row in rows:
         each = (row.errors.interactions[name] for name in names)
-        lines.append([row.title, row.labels, *(f"{_number(one.mse)} ± {_number(one.mse_std)}" for one in each)])
+        cells = (_number(one.mse) + (f" ± {_number(one.mse_std)}" if spread else "") for one in each)
+        lines.append([row.title, row.labels, *cells])
     return lines
 
 
 def print_comparison(title: str, rows: Sequence[Row], unit: Unit) -> None:
     """Tables of all methods, the best first."""
     console = Console()
-    for name, lines in ((title, overall_cells(rows, unit)), ("mean ± deviation over windows", interaction_cells(rows))):
+    for name, lines in ((title, overall_cells(rows, unit)), ("by interaction", interaction_cells(rows, spread=False))):
         table = Table(title=name)
         for place, column in enumerate(lines[0]):
             table.add_column(column, justify="left" if place < 2 else "right", no_wrap=place < 3)
@@ -136,7 +143,9 @@ def print_comparison(title: str, rows: Sequence[Row], unit: Unit) -> None:
 
 def markdown(rows: Sequence[Row], unit: Unit) -> str:
     """The same tables in Markdown."""
-    return "\n".join(_markdown_table(lines) for lines in (overall_cells(rows, unit), interaction_cells(rows)))
+    return "\n".join(
+        _markdown_table(lines) for lines in (overall_cells(rows, unit), interaction_cells(rows, spread=True))
+    )
 
 
 def _markdown_table(lines: Sequence[Sequence[str]]) -> str:

@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mild_core.errors import SetupError, unknown_name
+from mild_core.errors import SetupError
 
 if TYPE_CHECKING:
     from collections.abc import Generator
 
     from mild_core.inference.manifest import HumanPlacement
+    from mild_core.learning.configuration import Configuration
     from mild_core.learning.demonstration import Demonstration
     from mild_core.learning.recording import Recording
     from mild_core.learning.settings import TrainingSettings
@@ -26,21 +27,23 @@ if TYPE_CHECKING:
 
 EXIT_INTERRUPTED = 130
 
-METHOD_OF_PRESET = {"paper": "mild_paper"}
-"""Row of the cross-validation that a preset is, where it is not "mild"."""
+METHOD = "mild"
+"""Row of a cross-validation that a trained model is."""
+
+LEAST_TRIALS = 2
 
 
 def train(
     out: Annotated[Path, typer.Option(metavar="FOLDER", help="The model folder to write.")],
-    preset: Annotated[str, typer.Option(help="same, ahead, next: as shipped; paper: as in the paper.")] = "ahead",
-    protocol: Annotated[str, typer.Option(help="same, ahead or next [default: the preset's; of paper: same].")] = "",
+    config: Annotated[
+        str, typer.Option(metavar="NAME|FILE", help="How to train, and on what: a shipped configuration, or yours.")
+    ] = "yumi_buetepage_ahead",
     data: Annotated[
         Path | None, typer.Option(metavar="FILE", help="The recording [default: $MILD_DATA/<dataset's file>].")
     ] = None,
-    dataset: Annotated[str, typer.Option(help="Which recording that is.")] = "buetepage_hr",
-    seed: Annotated[int, typer.Option(help="Of all draws.")] = 0,
-    epochs: Annotated[int, typer.Option(min=0, help="Another number of epochs; 0: the preset's.")] = 0,
-    members: Annotated[int, typer.Option(min=0, help="Another number of networks; 0: the preset's.")] = 0,
+    seed: Annotated[int | None, typer.Option(help="Another seed of all draws [default: the configuration's].")] = None,
+    epochs: Annotated[int, typer.Option(min=0, help="Another number of epochs; 0: the configuration's.")] = 0,
+    members: Annotated[int, typer.Option(min=0, help="Another number of networks; 0: the configuration's.")] = 0,
     errors: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="cross_validation_<protocol>.json of `mild evaluate --cv`, for the card."),
@@ -50,57 +53,60 @@ def train(
 
     The shipped live model again, from all training trials:
 
-        mild train --preset ahead --out models/yumi_buetepage_ahead
+        mild train --config yumi_buetepage_ahead --out models/yumi_buetepage_ahead
 
     With measured errors and uncertainty in its manifest and card, as it is shipped:
 
-        mild evaluate --cv --protocol ahead
+        mild evaluate --cv --config yumi_buetepage_ahead
 
-        mild train --preset ahead --out my_model --errors out/cross_validation_ahead.json
+        mild train --config yumi_buetepage_ahead --errors out/cross_validation_buetepage_hr_ahead.json --out my_model
 
-    A quick look whether everything works, in a minute:
+    Your own: copy a configuration (`mild_core/learning/configurations`), change it, give its path. It names the
+    recording, the protocol, a preset of settings and what differs from it, the seed, and a model whose hidden layers
+    are the start; the model card repeats it. A quick look whether everything works, in a minute:
 
-        mild train --preset same --epochs 20 --members 1 --out out/quick
+        mild train --config yumi_buetepage_same --epochs 20 --members 1 --out out/quick
 
     The folder then works wherever a model is named: `ros2 run mild_ros pipeline --ros-args -p model:=my_model`. Without
     --errors the uncertainty is measured on the training trials themselves and so too small; the card says so.
     """
+    from mild_core.learning.configuration import read_configuration
     from mild_core.learning.datasets import DATASETS
-    from mild_core.learning.settings import preset_named
-    from mild_core.learning.windows import PROTOCOLS, protocol_named
 
-    if dataset not in DATASETS:
-        raise unknown_name("dataset", dataset, DATASETS)
-    recording, settings = DATASETS[dataset], preset_named(preset)
-    asked = protocol_named(protocol or (preset if preset in PROTOCOLS else "same"))
+    asked = read_configuration(config)
+    settings = asked.settings
     settings = replace(settings, epochs=epochs or settings.epochs, members=members or settings.members)
-    measured = _measured(errors, asked.name, METHOD_OF_PRESET.get(preset, "mild"))
+    asked = replace(asked, settings=settings, seed=asked.seed if seed is None else seed)
+    recording = DATASETS[asked.dataset]
+    measured = _measured(errors, asked)
     path = data or recording.default_path()
     trials = recording.read(path).train
-    if not trials:
-        raise SetupError(str(path), "its training split is empty", "give a recording with training trials")
+    if len(trials) < LEAST_TRIALS:
+        raise SetupError(str(path), f"holds {len(trials)} training trials", f"give at least {LEAST_TRIALS}")
     out.mkdir(parents=True, exist_ok=True)  # a folder that cannot be written is said before an hour of training
     from mild_core.learning.training import train as train_model
 
-    trained = _finished(train_model(trials, asked, settings, seed, recording.interactions), settings, out)
-    command = f"mild train --preset {preset} --protocol {asked.name} --seed {seed} --epochs {settings.epochs}"
+    protocol = recording.protocols[asked.protocol]
+    trained = _finished(train_model(trials, protocol, settings, asked.seed, recording.interactions), settings, out)
+    command = f"mild train --config {config} --seed {asked.seed} --epochs {settings.epochs}"
     command += f" --members {settings.members} --out {out}" + (f" --errors {errors}" if errors else "")
-    _write(out, trained, trials, recording, measured, command)
+    _write(out, trained, trials, asked, measured, command)
 
 
-def _measured(path: Path | None, protocol: str, method: str) -> dict[str, Any]:
-    """The rows of a cross-validation; empty without one."""
+def _measured(path: Path | None, asked: Configuration) -> dict[str, Any]:
+    """The table of a cross-validation; empty without one."""
     if path is None:
         return {}
     try:
         table: dict[str, Any] = json.loads(path.read_text())
-        found = {row["labels"] for row in table["methods"] if row["method"] == method and table["unit"]}
+        found = {row["labels"] for row in table["methods"] if row["method"] == METHOD and table["unit"]}
+        of = (table["dataset"], table["protocol"])
     except (ValueError, KeyError, TypeError) as error:
         raise SetupError(str(path), f"is no table of a cross-validation ({error})", "run mild evaluate --cv") from None
-    if table.get("protocol") != protocol or "given" not in found:
-        problem = f"holds protocol '{table.get('protocol')}', methods {sorted({r['method'] for r in table['methods']})}"
-        raise SetupError(str(path), problem, f"run mild evaluate --cv --protocol {protocol} --method {method}")
-    return {"table": table, "method": method}
+    if of != (asked.dataset, asked.protocol) or "given" not in found:
+        problem = f"holds {of[0]}, protocol '{of[1]}', methods {sorted({r['method'] for r in table['methods']})}"
+        raise SetupError(str(path), problem, f"run mild evaluate --cv --config {asked.name} --method {METHOD}")
+    return table
 
 
 def _finished(
@@ -140,7 +146,7 @@ def _write(
     out: Path,
     trained: TrainedModel,
     trials: tuple[Demonstration, ...],
-    recording: Recording,
+    asked: Configuration,
     measured: dict[str, Any],
     command: str,
 ) -> None:
@@ -149,15 +155,15 @@ def _write(
 
     from mild_core.inference.model import save_model
     from mild_core.learning.card import cross_validation_entry, model_card
+    from mild_core.learning.datasets import DATASETS
     from mild_core.learning.evaluation import errors_of_trial, summarise
     from mild_core.learning.export import ModelFacts, export
 
+    recording = DATASETS[asked.dataset]
     if measured:
-        row = next(
-            r for r in measured["table"]["methods"] if (r["method"], r["labels"]) == (measured["method"], "given")
-        )
+        row = next(r for r in measured["methods"] if (r["method"], r["labels"]) == (METHOD, "given"))
         residual, source = np.array(row["residual_covariance"]), "cross-validation"
-        errors = cross_validation_entry(measured["table"], measured["method"])
+        errors = cross_validation_entry(measured, METHOD)
     else:
         own = [errors_of_trial(trial, trained.protocol, trained.predict(trial)) for trial in trials]
         covariance = summarise(own, recording.interactions).covariance
@@ -171,6 +177,7 @@ def _write(
         "seeds": [trained.seed],
         "git_revision": _revision(),
         "residual_covariance": source,
+        "configuration": asked.text,
     }
     facts = ModelFacts(out.resolve().name, recording.robot, recording.observed_side, _placement(recording, trials))
     manifest, arrays = export(trained, trials, residual, replace(facts, training=training, errors=errors))

@@ -106,10 +106,24 @@ def test_cross_validation_writes_its_tables(tmp_path, capsys):
     options = ("--method", "action_mean", "--method", "time_indexed_mean", "--workers", "1", "--protocol", "next")
     assert run("evaluate", "--cv", "--data", str(data), *options, "--out", str(tmp_path / "out"), "--json") == 0
     told = json.loads(capsys.readouterr().out)
-    assert told == json.loads((tmp_path / "out" / "cross_validation_next.json").read_text())
+    assert told == json.loads((tmp_path / "out" / "cross_validation_buetepage_hr_next.json").read_text())
     assert {row["method"] for row in told["methods"]} == {"action_mean", "time_indexed_mean"}
     assert {row["windows"] for row in told["methods"]} == {16 * (18 - 9)}
-    assert "| mean pose | given |" in (tmp_path / "out" / "cross_validation_next.md").read_text()
+    assert (tmp_path / "out" / "cross_validation_buetepage_hr_next.png").read_bytes().startswith(b"\x89PNG")
+    assert "| mean pose | given |" in (tmp_path / "out" / "cross_validation_buetepage_hr_next.md").read_text()
+
+
+def test_too_few_trials_for_folds_are_said_before_anything_starts(tmp_path, capsys):
+    data = write(
+        tmp_path / "a.npz",
+        [track(index, 90) for index in range(5)],
+        [one_hot(int(index > 2), 90) for index in range(5)],
+    )
+    assert run("evaluate", "--cv", "--data", str(data), "--out", str(tmp_path / "out")) == 2
+    assert "interaction 'handshake' has 2 training trials" in capsys.readouterr().err
+    write(tmp_path / "a.npz", [], [])
+    assert run("evaluate", "--cv", "--data", str(data)) == 2
+    assert "training split is empty" in capsys.readouterr().err
 
 
 def test_models_are_listed_with_their_figures_and_their_cards_shown(model, capsys):

@@ -9,6 +9,17 @@ import pytest
 from mild_core.inference.model import load_model
 from test.command_line.test_main import run
 from test.core.learning.test_buetepage_hr import one_hot, write
+from test.core.learning.test_nuisi import write as write_people
+
+MINE = """
+dataset = "buetepage_hr"
+protocol = "same"
+seed = 7
+
+[settings.prior]
+kind = "hmm"
+components = 3
+"""
 
 QUICK = ("--epochs", "2", "--members", "1")
 
@@ -57,9 +68,8 @@ def table(path, protocol):
 def test_a_trained_folder_loads_and_carries_measured_errors(data, tmp_path, capsys):
     errors = table(tmp_path / "cv.json", "ahead")
     out = tmp_path / "made"
-    assert (
-        run("train", "--preset", "ahead", "--data", str(data), "--out", str(out), "--errors", str(errors), *QUICK) == 0
-    )
+    options = ("--data", str(data), "--out", str(out), "--errors", str(errors))
+    assert run("train", "--config", "yumi_buetepage_ahead", *options, *QUICK) == 0
     told = capsys.readouterr()
     assert f"written: {out}" in told.out
     assert "network 1/1 epoch 2" in told.err
@@ -72,23 +82,54 @@ def test_a_trained_folder_loads_and_carries_measured_errors(data, tmp_path, caps
     assert set(manifest.robot_from_human.by_interaction) == {"handshake", "rocket", "parachute"}
     card = (out / "REPORT.md").read_text()
     assert "0.0444 ± 0.0010" in card
-    assert "mild train --preset ahead" in card
+    assert "mild train --config yumi_buetepage_ahead --seed 0" in card
+    assert 'preset = "ahead"' in card
     assert run("evaluate", "--model", str(out), "--data", str(data), "--json") == 0
     assert json.loads(capsys.readouterr().out)["windows"] == sum(320 + index - 79 for index in range(8))
 
 
 def test_a_folder_without_measured_errors_says_so(data, tmp_path):
     out = tmp_path / "made"
-    assert run("train", "--preset", "same", "--data", str(data), "--out", str(out), *QUICK) == 0
+    (tmp_path / "mine.toml").write_text(MINE)
+    assert run("train", "--config", str(tmp_path / "mine.toml"), "--data", str(data), "--out", str(out), *QUICK) == 0
     assert "Not measured." in (out / "REPORT.md").read_text()
-    assert load_model(out).manifest.training["residual_covariance"] == "training trials: too small"
+    manifest = load_model(out).manifest
+    assert manifest.training["residual_covariance"] == "training trials: too small"
+    assert manifest.training["configuration"] == MINE
+    assert (manifest.training["seeds"], manifest.prior.kind, manifest.prior.components) == ([7], "hmm", 3)
+
+
+def test_a_partners_arm_is_learned_and_scored_in_metres(tmp_path, capsys):
+    tracks = [np.tile(smooth_track(index, 60 + index)[:, :9], 2) for index in range(8)]
+    data = write_people(tmp_path / "a.npz", tracks, [index // 2 for index in range(8)])
+    out = tmp_path / "made"
+    assert run("train", "--config", "nuisi_partner_same", "--data", str(data), "--out", str(out), *QUICK) == 0
+    manifest = load_model(out).manifest
+    assert (manifest.controlled.kind, manifest.controlled.unit) == ("human_arm", "m")
+    assert (manifest.window, manifest.rate_hz, manifest.lead_frames) == (5, 30.0, -4)
+    assert "a second person" in (out / "REPORT.md").read_text()
+    capsys.readouterr()
+    assert run("evaluate", "--model", str(out), "--data", str(data), "--json") == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["dataset"], told["unit"]) == ("nuisi", "m^2")
+    assert 0 < told["mean_absolute_cm"] < told["rmse_cm"] < 100
+    assert told["windows"] == sum(60 + index - 4 for index in range(8))
 
 
 def test_errors_of_another_protocol_are_refused(data, tmp_path, capsys):
     errors = table(tmp_path / "cv.json", "same")
-    options = ("--preset", "ahead", "--data", str(data), "--out", str(tmp_path / "made"), "--errors", str(errors))
+    options = (
+        "--config",
+        "yumi_buetepage_ahead",
+        "--data",
+        str(data),
+        "--out",
+        str(tmp_path / "made"),
+        "--errors",
+        str(errors),
+    )
     assert run("train", *options, *QUICK) == 2
-    assert "holds protocol 'same'" in capsys.readouterr().err
+    assert "holds buetepage_hr, protocol 'same'" in capsys.readouterr().err
     assert not (tmp_path / "made").exists()
 
 
@@ -105,8 +146,8 @@ def test_a_table_that_is_none_is_refused_in_one_line(data, tmp_path, content, ca
 def test_wrong_names_and_an_unwritable_folder_are_refused_before_training(data, tmp_path, capsys):
     (tmp_path / "file").write_text("")
     for options, said in (
-        (("--preset", "smae", "--out", str(tmp_path / "made")), "did you mean 'same'"),
-        (("--dataset", "x", "--out", str(tmp_path / "made")), "'x' is unknown"),
+        (("--config", "yumi_same", "--out", str(tmp_path / "made")), "did you mean 'yumi_buetepage_same'"),
+        (("--config", "none.toml", "--out", str(tmp_path / "made")), "there is no such file"),
         (("--out", str(tmp_path / "file")), "File exists"),
     ):
         assert run("train", "--data", str(data), *options, *QUICK) == 2
@@ -129,7 +170,14 @@ def test_ctrl_c_says_that_nothing_was_written_and_leaves_nothing(data, tmp_path,
 def test_a_trial_too_short_for_the_prior_is_one_line(tmp_path, capsys):
     tracks = [smooth_track(index, 120) for index in range(8)]
     short = write(tmp_path / "short.npz", tracks, [one_hot(index // 2, 120) for index in range(8)])
-    assert run("train", "--preset", "ahead", "--data", str(short), "--out", str(tmp_path / "made"), *QUICK) == 2
+    assert run("train", "--data", str(short), "--out", str(tmp_path / "made"), *QUICK) == 2
     told = capsys.readouterr().err
     assert "120 frames" in told
     assert "Traceback" not in told
+
+
+def test_one_trial_is_no_recording_to_learn_from(tmp_path, capsys):
+    one = write(tmp_path / "one.npz", [smooth_track(0, 320)], [one_hot(0, 320)])
+    assert run("train", "--data", str(one), "--out", str(tmp_path / "made"), *QUICK) == 2
+    assert "holds 1 training trials" in capsys.readouterr().err
+    assert not (tmp_path / "made").exists()

@@ -34,6 +34,7 @@ ROSDEP_KEYS = {
     "ros-ament-index-python": "ament_index_python",
     "ros-rclpy": "rclpy",
     "rosbags": "python3-rosbags-pip",
+    "scipy": "python3-scipy",
     "torch": "python3-torch",
     "typer": "python3-typer",
     "yourdfpy": "python3-yourdfpy-pip",
@@ -133,7 +134,7 @@ def _plant_package(root: Path, import_line: str) -> None:
     [
         ("import numpy.linalg", 0),
         ("from std_msgs.msg import Header", 0),
-        ("import scipy", 2),
+        ("import viser", 2),
         ("def f():\n    import torch", 3),
         ("from geometry_msgs.msg import Pose", 2),
     ],

@@ -43,7 +43,9 @@ LAWS = (
     ),
     Law("mild_core/pipeline.py", (*FOUNDATION, *STAGES), ("numpy",)),
     Law(
-        "mild_core/learning/", (*FOUNDATION, *STAGES, "mild_core.pipeline", "mild_core.learning"), (*NUMERICS, "torch")
+        "mild_core/learning/",
+        (*FOUNDATION, *STAGES, "mild_core.pipeline", "mild_core.learning"),
+        (*NUMERICS, "scipy", "torch"),
     ),
     Law("mild_ros/", (*FOUNDATION, *STAGES, "mild_core.pipeline", "mild_ros"), None),
     Law("mild_ros/command_line/", ("mild_core", "mild_ros"), None),

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from mild_core.errors import unknown_name
 from mild_core.learning.datasets.buetepage_hr import BUETEPAGE_HR
 from mild_core.learning.datasets.nuisi import NUISI
 from mild_core.learning.datasets.nuisi_v1 import NUISI_V1
@@ -12,3 +13,14 @@ from mild_core.learning.recording import Recording
 DATASETS: dict[str, Recording] = {
     recording.name: recording for recording in (BUETEPAGE_HR, NUISI, PEPPER_NUISI, NUISI_V1)
 }
+
+
+def recording_named(name: str) -> Recording:
+    """The recording of that name.
+
+    Raises:
+        SetupError: There is none.
+    """
+    if name not in DATASETS:
+        raise unknown_name("dataset", name, DATASETS)
+    return DATASETS[name]

@@ -78,5 +78,8 @@ def test_the_table_averages_over_seeds_and_compares_trial_by_trial():
     assert gru.relative["kernel_ridge"].change == pytest.approx(-0.2)
     # Each trial is better by the same fifth, so whichever trials are drawn the change is the same.
     assert gru.relative["kernel_ridge"].interval == pytest.approx((-0.2, -0.2))
-    assert kernel_ridge.relative == {}
+    # Four trials out of four on one side: 2 of the 16 ways that chance could have put them.
+    assert gru.relative["kernel_ridge"].p_value == pytest.approx(2 / 16)
+    assert list(kernel_ridge.relative) == ["gru"]
+    assert compare([result("kernel_ridge", 0, bar), result("gru", 0, bar)], "ab")[1].relative["gru"].p_value == 1.0
     assert gru.errors.windows == kernel_ridge.errors.windows == 40

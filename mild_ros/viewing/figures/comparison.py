@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All methods of a cross-validation side by side: the error of each with its interval, over all and by interaction."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from matplotlib.axes import Axes
+
+from mild_ros.viewing.figures.style import BLUE, GREY, INK, PAGE_IN, VERMILION, figure, rule, spoken
+
+OURS, BAR = "mild", "kernel_ridge"
+UNITS = {"rad^2": "rad²", "m^2": "m²"}
+
+
+def draw_comparison(table: Mapping[str, Any], path: Path) -> None:
+    """Write the figure of one table.
+
+    Args:
+        table: What `mild evaluate --cv` writes as JSON: one protocol, its methods with the best first.
+        path: Of the figure.
+    """
+    rows = list(reversed(table["methods"]))
+    names = list(rows[0]["interactions"])
+    title = f"{table['dataset']}, protocol {table['protocol']}: {table['folds']} folds, {table['seeds']} seeds"
+    with figure(PAGE_IN, 0.75 + 0.19 * len(rows), path, title) as made:
+        panels = made.subplots(1, 1 + len(names), sharey=True, width_ratios=(2.6, *[1.0] * len(names)))
+        for axes, name in zip(panels, ("", *names), strict=True):
+            for place, row in enumerate(rows):
+                colour = BLUE if row["method"] == OURS else GREY
+                (_dot if name else _interval)(axes, row, name, place, colour)
+            rule(axes, "x")
+            axes.set_xlim(left=0.0)
+            axes.set_title(spoken(name) or f"mean over interactions [{UNITS[table['unit']]}]")
+            axes.tick_params(axis="y", length=0)
+            _mark_bar(axes, rows, name)
+        panels[0].set_yticks(range(len(rows)), [f"{row['title']}, {LABELS[row['labels']]}" for row in rows])
+        for label, row in zip(panels[0].get_yticklabels(), rows, strict=True):
+            label.set_fontweight("bold" if row["method"] == OURS else "normal")
+
+
+LABELS = {"given": "told", "recognised": "recognising", "unknown": "not told"}
+"""What a method knows of the interaction."""
+
+
+def _interval(axes: Axes, row: Mapping[str, Any], name: str, place: int, colour: str) -> None:
+    """Macro error: 95 % over draws of trials as a thin line, deviation over seeds as a thick one."""
+    low, high = row["macro"]["interval"]
+    mean, spread = row["macro_mean"], row["macro_std"] or 0.0
+    axes.plot([low, high], [place, place], color=colour, lw=1.0)
+    axes.plot([mean - spread, mean + spread], [place, place], color=colour, lw=3.5, solid_capstyle="butt", alpha=0.45)
+    axes.plot(mean, place, "o", color=colour)
+    axes.annotate(f"{mean:.4f}", (high, place), (4, 0), textcoords="offset points", va="center", fontsize=6, color=INK)
+
+
+def _dot(axes: Axes, row: Mapping[str, Any], name: str, place: int, colour: str) -> None:
+    error = row["interactions"][name]["mse"]
+    if error is not None:
+        axes.plot([0.0, error], [place, place], color=colour, lw=0.6, alpha=0.5)
+        axes.plot(error, place, "o", color=colour)
+
+
+def _mark_bar(axes: Axes, rows: list[Mapping[str, Any]], name: str) -> None:
+    """A line at the method that a learned model must not lose to."""
+    for row in rows:
+        if row["method"] == BAR:
+            error = row["interactions"][name]["mse"] if name else row["macro_mean"]
+            if error is not None:
+                axes.axvline(error, color=VERMILION, lw=0.8, ls=(0, (3, 2)), zorder=0)
