@@ -18,6 +18,9 @@ class RecordParameters:
 
     bag: str = parameter("", "Folder of the new bag; must not exist yet.")
     topics: tuple[str, ...] = parameter((), "Topics to record, e.g. [skeleton, joint_command]; none means all.")
+    split_mb: float = parameter(
+        0.0, "Begin a new file when one is so long; 0 for never.", unit="MB", minimum=0.0, maximum=1e6
+    )
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from rosbags.rosbag2.storage_mcap import McapWriter
 
 from mild_core.errors import BagError
+from mild_ros.bag_parts import Part, continued, list_parts, set_aside
 from mild_ros.bags import jazzy_types
 
 RESERVE_BYTES = 3 * 2**20
@@ -36,24 +37,29 @@ class BagWriter:
         counts: Messages written by topic.
     """
 
-    def __init__(self, path: Path, *, durable: bool) -> None:
+    def __init__(self, path: Path, *, durable: bool, split_bytes: int = 0) -> None:
         self.path = path
         self.counts: dict[str, int] = {}
+        self._split_bytes = split_bytes
+        self._parts: list[Part] = []
         self._connections: dict[str, Connection] = {}
         self._writer = Writer(path, version=9, storage_plugin=StoragePlugin.MCAP)
         self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
         self._writer.open()
-        storage = self._writer.storage
-        assert isinstance(storage, McapWriter)
-        self._storage = storage
-        self._file = _WholeWrites(storage.path, storage.bio)
-        storage.bio = self._file  # type: ignore[assignment] # a binary file as good as the one it replaces
-        self._whole = self._file.tell()
+        assert isinstance(self._writer.storage, McapWriter)
+        self._begin_file(self._writer.storage)
         self._open = True
         self._reserve = path / ".reserve"
         if durable:
             with self._reserve.open("wb") as reserve:
                 os.posix_fallocate(reserve.fileno(), 0, RESERVE_BYTES)
+
+    def _begin_file(self, storage: McapWriter) -> None:
+        """Write to `storage` from now on."""
+        self._storage = self._writer.storage = storage
+        self._file = _WholeWrites(storage.path, storage.bio)
+        storage.bio = self._file  # type: ignore[assignment] # a binary file as good as the one it replaces
+        self._whole = self._file.tell()
 
     def add_topic(self, topic: str, type_name: str, *, transient_local: bool = False) -> None:
         """Announce a topic; `write` does it by itself for topics of the usual kind."""
@@ -85,6 +91,7 @@ class BagWriter:
             return
         self.add_topic(topic, type_name)
         with self._or_rescue():
+            self._split_if_full()
             self._writer.write(self._connections[topic], time_ns, data)
             self.counts[topic] += 1
             self._whole = self._file.tell()  # moves only when a chunk was full, and then by the whole of it
@@ -113,8 +120,24 @@ class BagWriter:
             return
         self._reserve.unlink(missing_ok=True)
         with self._or_rescue():
-            self._writer.close()
+            self._end()
             self._open = False
+
+    def _split_if_full(self) -> None:
+        """End this file and go on in the next when it is as long as it may be; a part is whole by itself."""
+        if not self._split_bytes or self._whole < self._split_bytes:
+            return
+        before = self._storage
+        before.close(self._writer.version, "{}")
+        self._parts.append(set_aside(before, len(self._parts)))
+        self._begin_file(continued(before))
+
+    def _end(self) -> None:
+        """End the last file and write metadata.yaml, of all files."""
+        last = self._storage
+        self._writer.close()
+        if self._parts:
+            list_parts(self._writer.metapath, [*self._parts, set_aside(last, len(self._parts))])
 
     @contextmanager
     def _or_rescue(self) -> Iterator[None]:
@@ -133,11 +156,12 @@ class BagWriter:
         self._open = False
         self._reserve.unlink(missing_ok=True)
         # The message that met the full disk is in the chunk, but not yet in the counts.
-        self._writer.counts.update(self._storage.channel_stats)
+        parts = [*(part.counts for part in self._parts), self._storage.channel_stats]
+        self._writer.counts.update({number: sum(part.get(number, 0) for part in parts) for number in parts[-1]})
         self.counts = {topic: self._writer.counts[each.id] for topic, each in self._connections.items()}
         try:
             self._file.cut(self._whole)
-            self._writer.close()
+            self._end()
         except OSError:
             with suppress(OSError):
                 self._file.cut(self._whole)
@@ -149,12 +173,13 @@ class BagWriter:
 
 
 @contextmanager
-def create_bag(path: Path | str, *, durable: bool = False) -> Iterator[BagWriter]:
+def create_bag(path: Path | str, *, durable: bool = False, split_bytes: int = 0) -> Iterator[BagWriter]:
     """Write a new bag; it is ended properly however the block is left.
 
     Args:
         path: The folder to make; must not exist.
         durable: Keep disk space in reserve for a proper ending on a full disk (for live recording).
+        split_bytes: Begin a new file when one is so long; 0 for never.
 
     Raises:
         BagError: The folder exists or cannot be made, or the disk is full; what was written is kept.
@@ -163,7 +188,7 @@ def create_bag(path: Path | str, *, durable: bool = False) -> Iterator[BagWriter
     if path.exists():
         raise BagError(str(path), "exists already", "choose a new folder or remove this one")
     try:
-        writer = BagWriter(path, durable=durable)
+        writer = BagWriter(path, durable=durable, split_bytes=split_bytes)
     except (OSError, WriterError) as error:
         raise BagError(str(path), f"cannot be written ({_reason(error)})", "check the folder and the disk") from None
     try:

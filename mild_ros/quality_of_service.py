@@ -3,7 +3,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 
 def _keep_last(depth: int, reliability: ReliabilityPolicy, durability: DurabilityPolicy) -> QoSProfile:
@@ -34,3 +37,18 @@ CLOCK = _keep_last(50, ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE)
 
 STATE = _keep_last(10, ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE)
 """Where the robot is: matches whoever asks for reliable delivery and whoever does not."""
+
+
+def is_latched(offers: Sequence[TopicEndpointInfo]) -> bool:
+    """Whether every publisher of a topic keeps its last message for late comers."""
+    return bool(offers) and all(o.qos_profile.durability is DurabilityPolicy.TRANSIENT_LOCAL for o in offers)
+
+
+def strictest(offers: Sequence[TopicEndpointInfo], depth: int) -> QoSProfile:
+    """The strictest that every publisher of a topic meets."""
+    reliable = all(offer.qos_profile.reliability is ReliabilityPolicy.RELIABLE for offer in offers)
+    return _keep_last(
+        depth,
+        ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        DurabilityPolicy.TRANSIENT_LOCAL if is_latched(offers) else DurabilityPolicy.VOLATILE,
+    )

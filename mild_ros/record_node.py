@@ -6,19 +6,20 @@ A full disk or a kill costs at most the last second: see `bag_writer.py`.
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from mild_core.errors import BagError, SetupError
 from mild_ros.bag_settings import FIRST_HEARD, RecordParameters
 from mild_ros.bag_writer import create_bag
 from mild_ros.clock import steady_clock
+from mild_ros.message_types import message_class
 from mild_ros.parameters import declare
+from mild_ros.quality_of_service import is_latched, strictest
 from mild_ros.running import give_up, run
 
 LOOK_PERIOD_S, FLUSH_PERIOD_S = 0.1, 1.0
@@ -35,9 +36,11 @@ class RecordNode(Node):
         if not self.parameters.bag:
             raise SetupError("parameter bag", "is empty", "name a new folder, e.g. -p bag:=recording")
         self._wanted = {self.resolve_topic_name(topic) for topic in self.parameters.topics}
-        self._recording = create_bag(Path(self.parameters.bag).expanduser(), durable=True)
+        split_bytes = round(self.parameters.split_mb * 1e6)
+        self._recording = create_bag(Path(self.parameters.bag).expanduser(), durable=True, split_bytes=split_bytes)
         self._bag = self._recording.__enter__()
         self._known: set[str] = set()
+        self._passed_over: list[str] = []
         self._look()
         self.create_timer(LOOK_PERIOD_S, self._look, clock=steady_clock())
         self.create_timer(FLUSH_PERIOD_S, self._flush, clock=steady_clock())
@@ -46,29 +49,34 @@ class RecordNode(Node):
     def destroy_node(self) -> None:
         """End the bag, then the node."""
         self._recording.__exit__(None, None, None)
-        print(f"mild_ros record: {sum(self._bag.counts.values())} messages in {self._bag.path}", flush=True)
+        passed = f"; not recorded: {', '.join(sorted(self._passed_over))}" if self._passed_over else ""
+        print(f"mild_ros record: {sum(self._bag.counts.values())} messages in {self._bag.path}{passed}", flush=True)
         super().destroy_node()
 
     def _look(self) -> None:
         """Subscribe to topics that have appeared."""
         for topic, types in self.get_topic_names_and_types():
-            if topic in self._known or (self._wanted and topic not in self._wanted) or not self._offered(topic):
+            if topic in self._known or (self._wanted and topic not in self._wanted):
                 continue
-            self._known.add(topic)
-            if len(types) != 1:
-                self.get_logger().warning(f"{topic} is not recorded: it has several types, {', '.join(types)}")
-                continue
-            self._subscribe(topic, types[0])
+            offers = self.get_publishers_info_by_topic(topic)
+            if offers:
+                self._known.add(topic)
+                self._subscribe(topic, types, offers)
 
-    def _subscribe(self, topic: str, type_name: str) -> None:
-        package, _, kind = type_name.split("/")
+    def _subscribe(self, topic: str, types: list[str], offers: list[TopicEndpointInfo]) -> None:
+        kind = message_class(types[0])
+        problem = f"it has several types, {', '.join(types)}" if len(types) != 1 else ""
+        problem = problem or ("" if kind else f"the type {types[0]} is not installed here")
         try:
-            message_class = getattr(importlib.import_module(f"{package}.msg"), kind)
-            self._bag.add_topic(topic, type_name, transient_local=self._is_latched(topic))
-        except (ImportError, AttributeError, KeyError):
-            self.get_logger().warning(f"{topic} is not recorded: the type {type_name} is not installed here")
+            if not problem:
+                self._bag.add_topic(topic, types[0], transient_local=is_latched(offers))
+        except KeyError:
+            problem = f"the type {types[0]} is not known to bags"
+        if problem:
+            self._passed_over.append(topic)
+            self.get_logger().warning(f"{topic} is not recorded: {problem}")
             return
-        self.create_subscription(message_class, topic, self._writer(topic, type_name), self._quality(topic), raw=True)
+        self.create_subscription(kind, topic, self._writer(topic, types[0]), strictest(offers, DEPTH), raw=True)
 
     def _writer(self, topic: str, type_name: str) -> Callable[[bytes], None]:
         def write(data: bytes) -> None:
@@ -90,23 +98,6 @@ class RecordNode(Node):
             yield
         except BagError as error:
             give_up(self, error)
-
-    def _offered(self, topic: str) -> bool:
-        return bool(self.get_publishers_info_by_topic(topic))
-
-    def _is_latched(self, topic: str) -> bool:
-        offers = self.get_publishers_info_by_topic(topic)
-        return bool(offers) and all(o.qos_profile.durability is DurabilityPolicy.TRANSIENT_LOCAL for o in offers)
-
-    def _quality(self, topic: str) -> QoSProfile:
-        """The strictest that every publisher of the topic meets."""
-        offers = self.get_publishers_info_by_topic(topic)
-        reliable = all(offer.qos_profile.reliability is ReliabilityPolicy.RELIABLE for offer in offers)
-        return QoSProfile(
-            depth=DEPTH,
-            reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
-            durability=DurabilityPolicy.TRANSIENT_LOCAL if self._is_latched(topic) else DurabilityPolicy.VOLATILE,
-        )
 
 
 def main() -> int:

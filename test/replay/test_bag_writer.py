@@ -11,15 +11,13 @@ import sys
 from pathlib import Path
 
 import pytest
+from rosbags.rosbag2 import Reader as Rosbag2Reader
 
 from mild_core.errors import BagError
 from mild_ros.bag_writer import create_bag
 from mild_ros.bags import open_bag
-from test.replay.made_bags import (
-    EXPECTED,
-    positions,
-    write_ours,
-)
+from mild_ros.encoding import encode
+from test.replay.made_bags import COUNT, EXPECTED, JOINT_STATE, joint_state, positions, write_ours
 
 
 def test_an_existing_folder_is_not_overwritten(tmp_path):
@@ -27,6 +25,24 @@ def test_an_existing_folder_is_not_overwritten(tmp_path):
     with pytest.raises(BagError, match="exists already"), create_bag(path):
         pass
     assert positions(path) == EXPECTED
+
+
+def test_a_bag_in_several_files_is_one_bag(tmp_path):
+    with create_bag(tmp_path / "bag", split_bytes=2000) as bag:
+        for index in range(COUNT):
+            bag.write("/joint_states", JOINT_STATE, 10**9 + index * 10**7, encode(joint_state(index)))
+            bag.flush()
+    files = sorted((tmp_path / "bag").glob("*.mcap"), key=lambda file: int(file.stem.split("_")[1]))
+    assert len(files) >= 3
+    assert [position for file in files for position in positions(file)] == EXPECTED, "each file is whole by itself"
+    assert positions(tmp_path / "bag") == EXPECTED
+    with Rosbag2Reader(tmp_path / "bag") as reader:
+        assert reader.message_count == COUNT
+        described = [(file["path"], file["message_count"]) for file in reader.storage.files]
+    assert described == [(file.name, len(positions(file))) for file in files]
+    (tmp_path / "bag" / "metadata.yaml").unlink()
+    files[1].write_bytes(files[1].read_bytes()[:-300])
+    assert positions(tmp_path / "bag", salvage=True) == EXPECTED
 
 
 WRITE_UNTIL_STOPPED = """
