@@ -14,8 +14,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mild_core.errors import SetupError, unknown_name
+from mild_core.perception.skeletons import SOURCES, SkeletonSource
 from mild_ros.bag_settings import RecordParameters, ReplayParameters
 from mild_ros.command_line.main import COMMANDS
+from mild_ros.messages.skeletons import ADAPTERS
 from mild_ros.parameters import table_markdown
 from mild_ros.settings import NODES
 
@@ -116,10 +118,36 @@ def commands_markdown() -> str:
     return "\n".join([*lines, *(f"| `./mild {name}` | {text} |" for name, text in {**COMMANDS, **own}.items())]) + "\n"
 
 
+def sources_markdown() -> str:
+    """The trackers that are read, for who has one."""
+    columns = ("`source`", "Message", "Right shoulder, elbow, wrist, hand", "Axes", "Confidence", "How to start it")
+    lines = ["| " + " | ".join((*columns, "Tested on")) + " |", "|---" * 7 + "|"]
+    for source in SOURCES.values():
+        axes = "by `source_axes`" if source.axes == "unknown" else source.axes
+        adapter = ADAPTERS[source.message]
+        kinds = {feed.type_name: None for feed in adapter.feeds(source)} if source.places else [adapter.type_name]
+        kind = " and ".join(f"`{name.replace('/msg/', '/')}`" for name in kinds)
+        cells = (kind, _arm_numbers(source), axes, source.confidence, source.start, source.tested)
+        lines.append(f"| `{source.name}`: {source.driver} | " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def _arm_numbers(source: SkeletonSource) -> str:
+    """How messages of a source number the right arm."""
+    arm = [f"right_{part}" for part in ("shoulder", "elbow", "wrist", "hand")]
+    if source.places:
+        return ", ".join(f"`{place}`" for name in arm for place in source.places.get(name, ())[:1])
+    if not source.joint_ids:
+        return "by `joint_names`"
+    numbers = [{name: number for number, name in ids.items()} for ids in source.formats or (source.joint_ids,)]
+    return "; ".join(", ".join(str(of[name]) for name in arm if name in of) for of in numbers)
+
+
 SECTIONS: dict[str, Callable[[], str]] = {
     "topics": topics_markdown,
     "parameters": parameters_markdown,
     "commands": commands_markdown,
+    "sources": sources_markdown,
 }
 """What may stand between the marks, by name."""
 

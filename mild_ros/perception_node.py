@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 
 from mild_ros.assembly.perception import make_perception, manifest_of
+from mild_ros.calibration_file import CalibrationFile
 from mild_ros.clock import NodeClock
 from mild_ros.diagnostics import Diagnostics
 from mild_ros.fates import Fates
@@ -32,6 +32,7 @@ class PerceptionNode(Node):
         tracker = Tracker(parameters, "perception")
         self._stage = make_perception(parameters, manifest_of(parameters.model))
         self._state = self._stage.init()
+        self._calibrations = CalibrationFile(parameters.calibration_file)
         self._diagnostics = Diagnostics(self, expected=("skeleton",), hardware_id=parameters.source)
         self._diagnostics.facts["model"] = parameters.model
         self._fates = Fates(self, parameters.report_handled)
@@ -47,6 +48,7 @@ class PerceptionNode(Node):
             self._fates.report("perception", 0, "not_enabled", sight.input_ns)
             return
         self._state, windows = self._stage.step(self._state, sight.people, sight.now_ns)
+        self._calibrations.keep(self._state.calibration, self._diagnostics)
         person = self._state.person
         if person is not None:
             self._person.publish(person_to_msg(person))
@@ -59,7 +61,7 @@ class PerceptionNode(Node):
         self._diagnostics.summary = self._state.outcome
 
     def _reset(self) -> str:
-        self._state = replace(self._stage.init(), counts=self._state.counts)
+        self._state = self._stage.afresh(self._state)
         return "stand still for the calibration"
 
 

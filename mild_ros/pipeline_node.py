@@ -14,6 +14,7 @@ from mild_core.pipeline import PipelineInput, PipelineOutput
 from mild_core.retargeting.stage import Request
 from mild_ros.assembly.inference import load
 from mild_ros.assembly.pipeline import forgotten, make_pipeline
+from mild_ros.calibration_file import CalibrationFile
 from mild_ros.clock import NodeClock
 from mild_ros.commanding import Commanding
 from mild_ros.diagnostics import Diagnostics
@@ -38,6 +39,7 @@ class PipelineNode(Node):
         model = load(parameters.model)
         self._pipeline = make_pipeline(parameters, model)
         self._state = self._pipeline.init()
+        self._calibrations = CalibrationFile(parameters.calibration_file)
         self._behind_ns = 0
         self._diagnostics = Diagnostics(self, ("skeleton", "joint_states"), parameters.robot, self._look)
         self._diagnostics.facts["model"] = parameters.model
@@ -52,6 +54,7 @@ class PipelineNode(Node):
 
     def _on_sight(self, sight: Sighting) -> None:
         output = self._step(sight.people, sight.now_ns)
+        self._calibrations.keep(self._state.perception.calibration, self._diagnostics)
         self._diagnostics.took("step", time.perf_counter_ns() - sight.steady_ns)
         if output.motions:
             self._behind_ns = sight.input_ns

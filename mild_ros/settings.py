@@ -47,6 +47,9 @@ class PerceptionParameters:
     calibration_s: float = parameter(
         PerceptionSettings.calibration_s, "How long to stand still at first.", unit="s", minimum=0.1, maximum=10.0
     )
+    calibration_file: str = parameter(
+        "", "File that keeps the calibration for the next start; `~/reset` makes a new one. Empty keeps none."
+    )
     max_gap_s: float = parameter(
         PerceptionSettings.max_gap_s, "Longest gap bridged by interpolation.", unit="s", minimum=0.01, maximum=2.0
     )

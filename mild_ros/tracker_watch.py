@@ -16,8 +16,11 @@ from mild_ros.messages.feeds import SKELETON_TOPIC, Feed
 from mild_ros.messages.misfits import fitting_sources, misfit
 
 PERIOD_S = 0.5
-PATIENCE_S = 1.5
-"""Silence for so long needs an explanation; discovery alone takes up to two seconds, and a slow tracker 0.2 s."""
+SILENCE_S = 1.5
+"""Silence for so long needs an explanation; a slow tracker sends every 0.2 s, and discovery takes its time."""
+
+STUCK_S = 1.0
+"""Messages of which none can be used for so long need one."""
 
 
 class TrackerWatch:
@@ -50,7 +53,7 @@ class TrackerWatch:
         lines = [self._judged(feed, messages.get(feed.topic), now_s) for feed in self._feeds]
         line = next(filter(None, lines), "") or self._stuck(bool(messages), now_s)
         if line:
-            self._diagnostics.complain(f"source {self._source.name}", line)
+            self._diagnostics.complain(f"source {self._source.name}: {line}")
             self._diagnostics.alarms["tracker"] = (DiagnosticStatus.WARN, line)
         else:
             self._diagnostics.alarms.pop("tracker", None)
@@ -64,7 +67,7 @@ class TrackerWatch:
         if message is not None:
             wrong = misfit(message, self._source)
             return f"{topic} brings {wrong}" if wrong else ""
-        if feed.latched or now_s - self._silent_since_s[feed.topic] < PATIENCE_S:
+        if feed.latched or now_s - self._silent_since_s[feed.topic] < SILENCE_S:
             return ""
         if publishers:
             names = ", ".join(f"{found.node_namespace.rstrip('/')}/{found.node_name}" for found in publishers)
@@ -102,7 +105,7 @@ class TrackerWatch:
         progress = self._diagnostics.usable("perception")
         if progress != self._progress or not flowing:
             self._progress, self._stuck_since_s = progress, now_s
-        stuck = now_s - self._stuck_since_s >= PATIENCE_S
+        stuck = now_s - self._stuck_since_s >= STUCK_S
         for feed in self._feeds if stuck else ():
             if feed.lacks is not None and (lacking := feed.lacks()):
                 return lacking

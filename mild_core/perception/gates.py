@@ -104,7 +104,9 @@ def check_bones(lengths: Sequence[float], calibrated: Sequence[float] | None, to
         else:
             low, high = calibrated[index] * (1.0 - tolerance), calibrated[index] * (1.0 + tolerance)
         if not low <= length <= high:
-            raise DataError("bone_length", f"bone {index} is {length:.3f} m, should be {low:.3f} to {high:.3f}")
+            doubt = "" if calibrated else ": are these metres, and the joints in this order?"
+            seen = f"bone {index} is {length:.3f} m, should be {low:.3f} to {high:.3f}"
+            raise DataError("bone_length", seen + doubt)
 
 
 def _unusable(name: str, point: Point) -> DataError:

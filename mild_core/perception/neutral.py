@@ -33,6 +33,8 @@ STEEPEST_COSINE = 0.5
 NARROWEST_M = 0.1
 """Shoulders nearer than this, or nearer to the pelvis, span no axes."""
 
+_FLAT = "are the names of the joints in the tracker's order?"
+
 
 @dataclass(frozen=True, eq=False)
 class NeutralFrame:
@@ -118,7 +120,8 @@ def calibrate(
 
     Raises:
         DataError: `flat_torso` when the trunk spans no axes; `wrong_up_axis` when the trunk does not point up in
-            the camera's frame; `mirrored` when nose and toes point backwards, so that left is right;
+            the camera's frame; `mirrored` when nose and toes point backwards, or without these the whole person does
+            before a camera, so that left is right;
             `wrong_forward_axis` when the axes are given and the person faces another way.
     """
     axes = np.eye(3)
@@ -127,11 +130,12 @@ def calibrate(
         trunk = np.mean(trunks, axis=0)
         body = torso_axes(trunk[0], trunk[1], trunk[2])
         facing = np.mean([frame.facing_m for frame in frames], axis=0)
-        _check_axes(body, facing, frame_id, source_axes if torso else "rep103")
+        _check_axes(body, trunk.mean(axis=0), facing, frame_id, source_axes if torso else "rep103")
         if torso:
             axes = body
         elif body[0, 0] < STEEPEST_COSINE:
-            raise DataError("wrong_forward_axis", f"the person does not face along x in '{frame_id}'")
+            seen = f"the person faces along {_nearest_axis(body[0])} in '{frame_id}', not along +x"
+            raise DataError("wrong_forward_axis", f"{seen}: set axes to torso")
     shoulder = np.mean([frame.shoulder_m for frame in frames], axis=0)
     lengths = np.mean([frame.bone_lengths_m for frame in frames], axis=0)
     return Calibration(frames[-1].stamp_ns, frame_id, side, shoulder, axes, tuple(lengths.tolist()))
@@ -148,22 +152,36 @@ def torso_axes(left_shoulder_m: FloatArray, right_shoulder_m: FloatArray, pelvis
     up = (left_shoulder_m + right_shoulder_m) / 2.0 - pelvis_m
     height = float(np.linalg.norm(up))
     if height < NARROWEST_M:
-        raise DataError("flat_torso", f"shoulders are {height:.3f} m above the pelvis")
+        raise DataError("flat_torso", f"shoulders are {height:.3f} m above the pelvis: {_FLAT}")
     up = up / height
     left = left_shoulder_m - right_shoulder_m
     left = left - (left @ up) * up
     width = float(np.linalg.norm(left))
     if width < NARROWEST_M:
-        raise DataError("flat_torso", f"shoulders are {width:.3f} m apart")
+        raise DataError("flat_torso", f"shoulders are {width:.3f} m apart: {_FLAT}")
     left = left / width
     return np.stack([np.cross(left, up), left, up])
 
 
-def _check_axes(body: FloatArray, facing_m: FloatArray, frame_id: str, source_axes: Axes) -> None:
+def _check_axes(body: FloatArray, middle_m: FloatArray, facing_m: FloatArray, frame_id: str, source_axes: Axes) -> None:
     if source_axes in _UP and float(body[2] @ np.array(_UP[source_axes])) < STEEPEST_COSINE:
-        raise DataError("wrong_up_axis", f"the trunk does not point up in '{frame_id}' as {source_axes} axes")
+        fitting = [axes for axes, up in _UP.items() if float(body[2] @ np.array(up)) >= STEEPEST_COSINE]
+        remedy = f"these are {fitting[0]} axes" if fitting else "is the camera upright, and the source the right one?"
+        seen = f"the trunk points along {_nearest_axis(body[2])} in '{frame_id}', up in {source_axes} axes is"
+        raise DataError("wrong_up_axis", f"{seen} {_nearest_axis(np.array(_UP[source_axes]))}: {remedy}")
     if float(facing_m @ body[0]) < 0.0:
-        raise DataError("mirrored", f"nose and toes point backwards in '{frame_id}': left and right are swapped")
+        seen = f"nose and toes point backwards in '{frame_id}': left and right are swapped"
+        raise DataError("mirrored", f"{seen}, by a mirrored image, left-handed axes or the names of joints")
+    away = float(body[0] @ middle_m) / float(np.linalg.norm(middle_m))
+    if source_axes == "optical" and not facing_m.any() and away > STEEPEST_COSINE:  # people face their camera
+        seen = f"the person seems to look away from the camera of '{frame_id}': turn around"
+        raise DataError("mirrored", f"{seen}; or left and right are swapped, by left-handed axes or joint names")
+
+
+def _nearest_axis(direction: FloatArray) -> str:
+    """The axis that a direction is nearest to, e.g. "-y"."""
+    axis = int(np.argmax(np.abs(direction)))
+    return f"{'+' if direction[axis] > 0.0 else '-'}{'xyz'[axis]}"
 
 
 def _farthest(places_m: FloatArray) -> float:

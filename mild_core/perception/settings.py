@@ -31,7 +31,7 @@ class PerceptionSettings:
         frame_id: The only tf frame to accept; empty accepts the first that comes.
         robot_from_source: (4, 4) pose of the tracker's frame in the robot's base frame, for a camera that is
             calibrated to the robot; None when nobody knows it.
-        calibration: One made before, to start without the neutral second.
+        calibration: One made before, to start without the neutral second; who comes later calibrates anew.
         calibration_s: How long the person has to stand still.
         calibration_still_m: Farthest that shoulders and pelvis may stray from their mean meanwhile.
         max_gap_s: Longest time without a usable frame that is bridged by interpolation.
@@ -80,6 +80,9 @@ class PerceptionSettings:
             raise SetupError("calibration", f"is of the {self.calibration.side} arm", f"calibrate the {self.side} one")
         if self.calibration is not None and len(self.calibration.bone_lengths_m) != len(self.joint_names) - 1:
             raise SetupError("calibration", "was made for other joints", "calibrate again")
+        if self.calibration is not None and self.frame_id not in ("", self.calibration.frame_id):
+            problem = f"was made in '{self.calibration.frame_id}', but frame_id is '{self.frame_id}'"
+            raise SetupError("calibration", problem, "calibrate again, or leave frame_id empty")
 
     def _check_joints(self) -> None:
         for name in self.sided_names:

@@ -81,6 +81,10 @@ class Perception:
         """The state before the first message."""
         return PerceptionState(calibration=self.settings.calibration)
 
+    def afresh(self, state: PerceptionState) -> PerceptionState:
+        """The state that remembers nobody, no kept calibration either, and only counts on."""
+        return PerceptionState(counts=state.counts)
+
     def step(self, state: PerceptionState, people: tuple[SkeletonFrame, ...], now_ns: int) -> _Stepped:
         """Take one tracker message.
 
@@ -99,8 +103,8 @@ class Perception:
         state = self._rewound(state, known, events)
         seen = find_person(state.lock, known, self.settings.reacquire_distance_m)
         if seen is None:
-            absence = "other_person" if known else "unknown_frame" if people else "nobody"
-            return _ended(self._without(state, now_ns, events), events, absence)
+            absence, detail = self._absence(state, people, known)
+            return _ended(self._without(state, now_ns, events), events, absence, detail)
         person = seen.person
         if state.lock and person.stamp_ns <= state.lock.stamp_ns:
             return _ended(state, events, "duplicate" if person.stamp_ns == state.lock.stamp_ns else "out_of_order")
@@ -123,10 +127,24 @@ class Perception:
 
     def _in_known_frame(self, state: PerceptionState, people: tuple[SkeletonFrame, ...]) -> tuple[SkeletonFrame, ...]:
         """Those whose positions are in the tf frame that was asked for, calibrated in, or seen first."""
-        wanted = self.settings.frame_id
-        wanted = wanted or (state.calibration.frame_id if state.calibration else "")
-        wanted = wanted or (state.lock.frame_id if state.lock else "")
+        wanted = self._wanted_frame(state)
         return tuple(person for person in people if person.frame_id == wanted) if wanted else people
+
+    def _wanted_frame(self, state: PerceptionState) -> str:
+        for known in (self.settings, state.calibration, state.lock):
+            if known is not None and known.frame_id:
+                return known.frame_id
+        return ""
+
+    def _absence(
+        self, state: PerceptionState, people: tuple[SkeletonFrame, ...], known: tuple[SkeletonFrame, ...]
+    ) -> tuple[str, str]:
+        """The outcome of a message without the watched person, and why."""
+        if known or not people:
+            return ("other_person" if known else "nobody"), ""
+        wanted = self._wanted_frame(state)
+        remedy = "set frame_id to that, or leave it empty" if self.settings.frame_id else "call ~/reset to follow it"
+        return "unknown_frame", f"people are in '{people[0].frame_id}', expected '{wanted}': {remedy}"
 
     def _rewound(
         self, state: PerceptionState, people: tuple[SkeletonFrame, ...], events: Counter[str]
@@ -142,7 +160,7 @@ class Perception:
         """The watched person is not there: wait for them, but not for ever."""
         if state.lock and now_ns - state.lock.received_ns > self.settings.forget_ns:
             events["forgotten"] += 1
-            return replace(self.init(), counts=state.counts)
+            return self.afresh(state)
         return replace(state, cadence=state.cadence and replace(state.cadence, absent=state.cadence.absent + 1))
 
     def _locked(self, state: PerceptionState, seen: Seen, now_ns: int, events: Counter[str]) -> PerceptionState:
@@ -209,13 +227,13 @@ class Perception:
         self, state: PerceptionState, person: SkeletonFrame, error: DataError, events: Counter[str]
     ) -> PerceptionState:
         """Calibrate again when nothing but the bones has been wrong for long: they are somebody else's."""
-        if error.reason != "bone_length" or self.settings.calibration or not state.calibration:
+        if error.reason != "bone_length" or not state.calibration:
             return state
         used_ns = state.stream.grid.sample_ns if state.stream else state.calibration.stamp_ns
         if person.stamp_ns - used_ns <= self.settings.forget_ns:
             return state
         events["forgotten"] += 1
-        return replace(self.init(), counts=state.counts)
+        return self.afresh(state)
 
     def _sampled(
         self, state: PerceptionState, calibration: Calibration, stamp_ns: int, arm: list[Point], events: Counter[str]

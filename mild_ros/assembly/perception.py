@@ -16,6 +16,7 @@ from mild_core.perception.skeletons import SOURCES, SkeletonSource
 from mild_core.perception.stage import Perception
 from mild_core.retargeting.urdf import rotation_from_rpy
 from mild_core.shapes import FloatArray
+from mild_ros.calibration_file import CalibrationFile
 from mild_ros.settings import PerceptionParameters
 from mild_ros.share import model_folder
 
@@ -88,6 +89,7 @@ def make_perception(parameters: PerceptionParameters, manifest: Manifest) -> Per
         source_axes=source.axes,
         frame_id=parameters.frame_id,
         robot_from_source=_robot_from_camera(parameters.robot_from_camera),
+        calibration=CalibrationFile(parameters.calibration_file).read(),
         calibration_s=parameters.calibration_s,
         max_gap_s=parameters.max_gap_s,
         min_confidence=parameters.min_confidence,

@@ -31,9 +31,8 @@ def make_pipeline(parameters: PipelineParameters, model: MildModel) -> Pipeline:
 
 def forgotten(pipeline: Pipeline, state: PipelineState) -> PipelineState:
     """The state with nothing remembered of the person, but all counts; retargeting is reset by a request."""
-    new = pipeline.init()
     return replace(
         state,
-        perception=replace(new.perception, counts=state.perception.counts),
-        inference=replace(new.inference, counts=state.inference.counts),
+        perception=pipeline.perception.afresh(state.perception),
+        inference=replace(pipeline.inference.init(), counts=state.inference.counts),
     )

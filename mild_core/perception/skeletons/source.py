@@ -39,6 +39,7 @@ class SkeletonSource:
         driver: Who publishes it.
         start: What starts it, or how to make it publish what is read here.
         confidence: Where the confidence of a joint comes from.
+        tested: On what it has been tried.
         joint_ids: Number or index in the message to name of the joint; empty until given by parameter.
         axes: Of the positions; "unknown" when a parameter has to say, which turns off the check of the up axis.
         formats: Several `joint_ids`, for messages that say by number which of them they follow.
@@ -57,6 +58,7 @@ class SkeletonSource:
     driver: str
     start: str
     confidence: str = "none: all count as seen"
+    tested: str = "messages as its driver makes them"
     joint_ids: Mapping[int, str] = field(default_factory=dict)
     axes: Axes = "unknown"
     formats: tuple[Mapping[int, str], ...] = ()
