@@ -17,6 +17,9 @@ from mild_core.shapes import FloatArray, read_only, require_shape
 ARM_FRAME = "arm"
 """Name of the arm frame: origin at the calibrated shoulder, x forward, y left, z up of the person."""
 
+ARM_JOINTS = ("shoulder", "elbow", "hand")
+"""Of the partner's arm that a model of two people moves."""
+
 ROBOT_FRAME = "robot"
 """Name of the frame of the robot's base link, for positions of a camera that is calibrated to the robot."""
 
@@ -170,6 +173,7 @@ class JointCommand:
         velocities_rad_s: (J,).
         mode: What retargeting was doing (`following`, `holding`, ...).
         motion_stamp_ns: Stamp of the motion window behind it, 0 when there is none.
+        stiffness: How hard to hold these positions, from 0 (give way) to 1: a hint for compliant robots.
     """
 
     stamp_ns: int
@@ -178,6 +182,7 @@ class JointCommand:
     velocities_rad_s: FloatArray
     mode: str = field(default="")
     motion_stamp_ns: int = field(default=0)
+    stiffness: float = field(default=1.0)
 
     def __post_init__(self) -> None:
         for name in ("positions_rad", "velocities_rad_s"):

@@ -56,17 +56,15 @@ class FourJointArm:
         elbow_pitch_rad: How the elbow's axes are turned about y in the upper arm.
         lower_rad: Smallest shoulder pitch, shoulder roll, elbow yaw, elbow roll; an elbow bends to one side only.
         upper_rad: The largest ones.
-        beyond_rad: Positions of the joints beyond the elbow, which a person's three joints say nothing about.
     """
 
     elbow_m: tuple[float, float, float]
     elbow_pitch_rad: float
     lower_rad: tuple[float, float, float, float]
     upper_rad: tuple[float, float, float, float]
-    beyond_rad: tuple[float, ...] = (0.0,)
 
     def joints(self, arm_m: FloatArray, near_rad: tuple[float, ...]) -> tuple[float, ...]:
-        """All joints of the arm [rad], from the elbow's on `beyond_rad`.
+        """Shoulder pitch and roll, elbow yaw and roll [rad].
 
         Args:
             arm_m: (3, 3) shoulder, elbow and hand of a person; x forward, y left, z up of the trunk.
@@ -77,7 +75,7 @@ class FourJointArm:
         if upper_arm is None or forearm is None:
             return near_rad
         shoulder, elbow = self.solve(upper_arm, forearm, near_rad)
-        return (*shoulder, *elbow, *self.beyond_rad)
+        return (*shoulder, *elbow)
 
     def solve(self, upper_arm: Direction, forearm: Direction, near_rad: tuple[float, ...]) -> tuple[Angles, Angles]:
         """Shoulder pitch and roll, elbow yaw and roll inside the limits.

@@ -31,6 +31,8 @@ class RobotModel:
         rest: Positions [rad, or m of a sliding joint] of the joints that nothing commands, as (name, position).
         floor_m: Height of the floor in the base frame, for a robot that stands on it; None for one on a table.
         arm: How a person's arm becomes positions of the joints, where that is known in closed form.
+        arm_links: Otherwise, for a robot that shall do as a person's arm does: its shoulder, a link whose origin
+            stays where it is, and its elbow.
 
     Raises:
         ValueError: An array has another shape, a limit is empty, or `home_rad` lies outside the limits.
@@ -50,6 +52,12 @@ class RobotModel:
     rest: tuple[tuple[str, float], ...] = field(default=())
     floor_m: float | None = None
     arm: FourJointArm | None = None
+    arm_links: tuple[str, str] | None = None
+
+    @property
+    def follows_arms(self) -> bool:
+        """Whether it can do as a person's arm does."""
+        return self.arm is not None or self.arm_links is not None
 
     def __post_init__(self) -> None:
         limits = ("velocity_rad_s", "acceleration_rad_s2", "jerk_rad_s3")

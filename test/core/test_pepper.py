@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mild_core.retargeting.kinematics import forward_kinematics, read_tree
-from mild_core.retargeting.robots.pepper import ARM, FLOOR_M, PEPPER, mirrored
+from mild_core.retargeting.robots.pepper import ARM, FLOOR_M, LOWER_RAD, PEPPER, UPPER_RAD, mirrored
 from mild_core.retargeting.robots.pepper_description import pepper
 
 
@@ -39,8 +39,8 @@ def wrist_by_hand(pitch: float, roll: float, yaw: float, bend: float, turn: floa
 def test_forward_kinematics_are_those_of_the_vendor() -> None:
     rng = np.random.default_rng(1)
     tree = read_tree(PEPPER.urdf_path)
-    for joints in rng.uniform(PEPPER.lower_rad, PEPPER.upper_rad, (50, 5)):
-        right = forward_kinematics(PEPPER, joints, "r_wrist")
+    for joints in rng.uniform(LOWER_RAD, UPPER_RAD, (50, 5)):
+        right = tree.pose("r_wrist", {f"R{name}": joint for name, joint in zip(ARM, joints, strict=True)})
         np.testing.assert_allclose(right, wrist_by_hand(*joints, side=-1), atol=5e-6)  # 5 um: the bound of the task
         left = {f"L{name}": mirrored(name, joint) for name, joint in zip(ARM, joints, strict=True)}
         np.testing.assert_allclose(

@@ -45,20 +45,24 @@ def mirrored(name: str, position: float) -> float:
     return position if name == "ShoulderPitch" else -position
 
 
+CONTROLLED = ARM[:4]
+"""What a person's shoulder, elbow and hand tell; wrist and fingers rest, straight and open."""
+
 PEPPER = RobotModel(
     name="pepper",
-    joint_names=tuple(f"R{name}" for name in ARM),
-    lower_rad=read_only(LOWER_RAD),
-    upper_rad=read_only(UPPER_RAD),
-    velocity_rad_s=read_only(VELOCITY_LIMITS_RAD_S),
-    acceleration_rad_s2=read_only([30.0] * len(ARM)),
-    jerk_rad_s3=read_only([600.0] * len(ARM)),
-    home_rad=read_only(HOME_RAD),
+    joint_names=tuple(f"R{name}" for name in CONTROLLED),
+    lower_rad=read_only(LOWER_RAD[:4]),
+    upper_rad=read_only(UPPER_RAD[:4]),
+    velocity_rad_s=read_only(VELOCITY_LIMITS_RAD_S[:4]),
+    acceleration_rad_s2=read_only([30.0] * len(CONTROLLED)),
+    jerk_rad_s3=read_only([600.0] * len(CONTROLLED)),
+    home_rad=read_only(HOME_RAD[:4]),
     urdf_path=Path(__file__).with_name("pepper.urdf"),
     base_link="base_link",
     tool_link="r_gripper",
     rest=(
         *((f"L{name}", mirrored(name, position)) for name, position in zip(ARM, HOME_RAD, strict=True)),
+        ("RWristYaw", HOME_RAD[4]),
         ("RHand", HAND_OPEN),
         ("LHand", HAND_OPEN),
         ("HeadPitch", -0.2),

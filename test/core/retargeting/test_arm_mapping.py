@@ -47,7 +47,7 @@ def solved(upper_arm: Direction, forearm: Direction, near: tuple[float, ...] = N
 
 @given(ANGLES)
 def test_directions_are_those_of_the_description(joints: tuple[float, ...]) -> None:
-    places = [forward_kinematics(PEPPER, [*joints, 0.0], link)[:3, 3] for link in ("RShoulder", "RElbow", "r_wrist")]
+    places = [forward_kinematics(PEPPER, joints, link)[:3, 3] for link in ("RShoulder", "RElbow", "r_wrist")]
     for got, bone in zip(ARM.directions(joints[:2], joints[2:]), np.diff(places, axis=0), strict=True):
         np.testing.assert_allclose(got, bone / np.linalg.norm(bone), atol=1e-7)  # nine digits are written
 
@@ -123,7 +123,7 @@ def test_the_yaw_is_continuous_while_a_bent_elbow_turns() -> None:
 def test_an_arm_without_a_direction_changes_nothing(broken: float) -> None:
     arm = np.array([[0, 0, 0], [0, 0, -0.3], [0.1, 0, -0.5]])
     arm[1] = broken
-    assert ARM.joints(arm, HOME_RAD) == HOME_RAD
+    assert ARM.joints(arm, NEAR) == NEAR
 
 
 def recorded_arms(mild_data: Path) -> list[np.ndarray]:
@@ -138,12 +138,12 @@ def test_directions_of_recorded_people(mild_data: Path) -> None:
     found_errors, steps = [], []
     started = time.process_time()
     for arm in recorded_arms(mild_data):
-        joints = HOME_RAD
+        joints = NEAR
         for frame in arm:
             before, joints = joints, ARM.joints(frame, joints)
             steps.append(np.abs(np.subtract(joints, before)).max())
             bones = [unit(tuple(bone)) for bone in np.diff(frame, axis=0)]
-            found_errors.append(errors(joints[:4], bones[0], bones[1]))
+            found_errors.append(errors(joints, bones[0], bones[1]))
     taken_s = (time.process_time() - started) / len(found_errors)
     degrees_off = np.degrees(found_errors)
     mean = degrees_off.mean(axis=0)
