@@ -34,9 +34,18 @@ class ReplayParameters:
         choices=("real_time", "lock_step"),
     )
     rate: float = parameter(1.0, "Speed in real time; 2 is twice as fast.", minimum=0.05, maximum=20.0)
+    start_s: float = parameter(0.0, "How much of the beginning to skip.", unit="s", minimum=0.0, maximum=1e6)
+    loop: bool = parameter(False, "Begin again after the end, until stopped.")
+    paused: bool = parameter(False, "Wait, before the first message, until `~/pause` is called with false.")
     restamp: bool = parameter(True, "In real time: give messages the time of their sending, as a live tracker would.")
+    clock: bool = parameter(
+        False, "In real time: tell the bag's time on `/clock`, for nodes with `use_sim_time`, and leave stamps alone."
+    )
     source: str = parameter("azure_kinect", "Tracker convention of the skeletons in the bag.", choices=tuple(SOURCES))
     skeleton_topic: str = parameter("", "Topic of the skeletons in the bag; empty finds it by its type.")
+    also: tuple[str, ...] = parameter(
+        (), "Further topics of the bag to send under their own names; [all] for every one but commands."
+    )
     joint_states: str = parameter(
         "auto",
         "Where the robot's own state comes from: the bag, one message at home, or somebody else (none); auto takes "
@@ -51,7 +60,5 @@ class ReplayParameters:
     patience_s: float = parameter(
         20.0, "How long to wait for subscribers, or for a stage to answer.", unit="s", minimum=0.1, maximum=3600.0
     )
-    control_rate_hz: float = parameter(
-        100.0, "Ticks of `/clock` per second in lock-step.", unit="Hz", minimum=10.0, maximum=500.0
-    )
+    control_rate_hz: float = parameter(100.0, "Ticks of `/clock` per second.", unit="Hz", minimum=10.0, maximum=500.0)
     salvage: bool = parameter(False, "Read what is readable of a broken bag.")

@@ -73,8 +73,9 @@ class BagReader:
             topic: TopicSummary(info.msgtype or "(several types)", info.msgcount)
             for topic, info in reader.topics.items()
         }
-        if not all(isinstance(c.topic, str) and isinstance(c.msgtype, str) for c in reader.connections):
-            raise ValueError("a topic or a type is no text")
+        names = [name for connection in reader.connections for name in (connection.topic, connection.msgtype)]
+        if not all(isinstance(name, str) and name for name in names):
+            raise ValueError("a topic or a type has no name")
 
     def messages(self, topics: Collection[str] | None = None, start_ns: int | None = None) -> Iterator[RawMessage]:
         """Messages in order of receipt, of `topics` only and not before `start_ns` when given.

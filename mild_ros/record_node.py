@@ -6,21 +6,20 @@ A full disk or a kill costs at most the last second: see `bag_writer.py`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 
 from rclpy.node import Node
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from mild_core.errors import BagError, SetupError
+from mild_core.errors import SetupError
 from mild_ros.bag_settings import FIRST_HEARD, RecordParameters
 from mild_ros.bag_writer import create_bag
 from mild_ros.clock import steady_clock
 from mild_ros.message_types import message_class
 from mild_ros.parameters import declare
 from mild_ros.quality_of_service import is_latched, strictest
-from mild_ros.running import give_up, run
+from mild_ros.running import giving_up, run
 
 LOOK_PERIOD_S, FLUSH_PERIOD_S = 0.1, 1.0
 DEPTH = 5000
@@ -80,7 +79,7 @@ class RecordNode(Node):
 
     def _writer(self, topic: str, type_name: str) -> Callable[[bytes], None]:
         def write(data: bytes) -> None:
-            with self._giving_up():
+            with giving_up(self):
                 if not self._bag.counts[topic]:
                     self.get_logger().info(FIRST_HEARD.format(topic))
                 self._bag.write(topic, type_name, self.get_clock().now().nanoseconds, data)
@@ -88,16 +87,8 @@ class RecordNode(Node):
         return write
 
     def _flush(self) -> None:
-        with self._giving_up():
+        with giving_up(self):
             self._bag.flush()
-
-    @contextmanager
-    def _giving_up(self) -> Iterator[None]:
-        """End this program when the disk refuses more; the bag has then ended itself."""
-        try:
-            yield
-        except BagError as error:
-            give_up(self, error)
 
 
 def main() -> int:

@@ -15,7 +15,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
-from mild_core.errors import DataError
+from mild_core.errors import BagError, DataError
 from mild_core.perception.skeletons import SkeletonSource
 from mild_core.pipeline import Pipeline, PipelineInput, PipelineOutput, PipelineState
 from mild_core.retargeting.robot import RobotModel
@@ -31,6 +31,12 @@ from mild_ros.messages.skeletons import ADAPTERS, people_from_msg
 SKELETON, JOINT_STATES, TRUE_MOTION, TICK = "skeleton", "joint_states", "true_motion", ""
 JOINT_STATE_TYPE = "sensor_msgs/msg/JointState"
 
+TAKEN = (SKELETON, JOINT_STATES, TICK)
+"""Inputs that the pipeline takes; any other is only passed on."""
+
+NEVER_WITH_ALL = ("joint_command", "joint_trajectory", "position_command", "joint_angles", "clock", "handled")
+"""Whoever asks for all topics of a bag does not mean to command a robot, or to tell the time twice."""
+
 
 @dataclass(frozen=True)
 class Event:
@@ -38,8 +44,8 @@ class Event:
 
     Attributes:
         time_ns: When.
-        input: `SKELETON` or `JOINT_STATES`: the topic our nodes take it on; `TRUE_MOTION`: what the recorded robot did,
-            which nobody takes but is passed on to be compared with; `TICK` for a tick of the clock.
+        input: `SKELETON` or `JOINT_STATES`: the topic our nodes take it on; `TICK` for a tick of the clock; another is
+            a topic that is only passed on: `TRUE_MOTION`, what the recorded robot did, or one under its own name.
         message: What arrives; None for a tick.
     """
 
@@ -58,12 +64,16 @@ class Inputs:
         joint_states: `bag`, `home` (one message says that the robot stands at home), `none`, or `auto`: the bag's if
             there are any, otherwise home.
         robot: Whose joints these are.
+        start_s: How much of the beginning to skip.
+        also: Further topics to pass on under their own names; `all` stands for every one but commands.
     """
 
     source: SkeletonSource
     robot: RobotModel
     skeleton_topic: str = ""
     joint_states: str = "auto"
+    start_s: float = 0.0
+    also: tuple[str, ...] = ()
 
     def messages(self, bag: BagReader) -> Iterator[Event]:
         """The bag's messages that the pipeline takes, in order of time.
@@ -71,19 +81,55 @@ class Inputs:
         Raises:
             BagError: The bag has no such topic, or is broken.
         """
-        skeletons = topic_of_type(bag, ADAPTERS[self.source.message].type_name, self.skeleton_topic)
-        wanted = {skeletons: SKELETON}
-        recorded = "/joint_states" in bag.topics and bag.topics["/joint_states"].count > 0
-        if self.joint_states == "bag" or (self.joint_states == "auto" and recorded):
-            wanted[topic_of_type(bag, JOINT_STATE_TYPE, "joint_states")] = JOINT_STATES
-        if f"/{TRUE_MOTION}" in bag.topics:
-            wanted[f"/{TRUE_MOTION}"] = TRUE_MOTION
-        at_home = self.joint_states == "home" or (self.joint_states == "auto" and not recorded)
-        for raw in bag.messages(wanted):
+        wanted = self.topics(bag)
+        at_home = self.joint_states == "home" or (self.joint_states == "auto" and JOINT_STATES not in wanted.values())
+        start_ns = self._start_ns(bag)
+        for raw in bag.messages(wanted, start_ns):
             if at_home:
                 yield Event(raw.time_ns, JOINT_STATES, self._at_home(raw.time_ns))
                 at_home = False
             yield Event(raw.time_ns, wanted[raw.topic], raw)
+
+    def laps(self, bag: BagReader, *, forever: bool) -> Iterator[Event]:
+        """The bag's messages once, or over and over: time then begins anew.
+
+        Raises:
+            BagError: As `messages`.
+        """
+        more = True
+        while more:
+            more = False  # a bag without messages is not read for ever
+            for event in self.messages(bag):
+                more = forever
+                yield event
+
+    def topics(self, bag: BagReader) -> dict[str, str]:
+        """The bag's topics that are sent, and as which input each.
+
+        Raises:
+            BagError: The bag does not have one of them.
+        """
+        skeletons = topic_of_type(bag, ADAPTERS[self.source.message].type_name, self.skeleton_topic)
+        recorded = "/joint_states" in bag.topics and bag.topics["/joint_states"].count > 0
+        wanted = {topic: topic for topic in self._others(bag)} | {skeletons: SKELETON}
+        if self.joint_states == "bag" or (self.joint_states == "auto" and recorded):
+            wanted[topic_of_type(bag, JOINT_STATE_TYPE, "joint_states")] = JOINT_STATES
+        if f"/{TRUE_MOTION}" in bag.topics:
+            wanted[f"/{TRUE_MOTION}"] = TRUE_MOTION
+        return wanted
+
+    def _others(self, bag: BagReader) -> list[str]:
+        if self.also == ("all",):
+            apart = {f"/{name}" for name in (*NEVER_WITH_ALL, JOINT_STATES)}
+            return [topic for topic in bag.topics if topic not in apart]
+        return [topic_of_type(bag, "", topic) for topic in self.also]
+
+    def _start_ns(self, bag: BagReader) -> int | None:
+        if not self.start_s:
+            return None
+        if self.start_s >= bag.duration_s:
+            raise BagError(str(bag.path), f"lasts {bag.duration_s:.1f} s", "start before its end")
+        return bag.start_ns + round(self.start_s * 1e9)
 
     def _at_home(self, time_ns: int) -> RawMessage:
         message = joint_measurement_to_msg(JointMeasurement(time_ns, self.robot.joint_names, self.robot.home_rad))
@@ -91,11 +137,13 @@ class Inputs:
 
 
 def with_ticks(messages: Iterator[Event], rate_hz: float = 100.0) -> Iterator[Event]:
-    """The messages and, between them, ticks on a grid that begins at the first of them."""
+    """The messages and, between them, ticks on a grid that begins at the first of them, or where time begins anew."""
     period_ns = round(1e9 / rate_hz)
-    tick_ns: int | None = None
+    tick_ns = newest_ns = 0
     for event in messages:
-        tick_ns = event.time_ns if tick_ns is None else tick_ns
+        if not newest_ns or event.time_ns < newest_ns:
+            tick_ns = event.time_ns
+        newest_ns = event.time_ns
         while tick_ns <= event.time_ns:
             yield Event(tick_ns, TICK)
             tick_ns += period_ns
@@ -146,7 +194,7 @@ def fold(bag: BagReader, pipeline: Pipeline, inputs: Inputs, rate_hz: float = 10
     """
     state = pipeline.init()
     for event in with_ticks(inputs.messages(bag), rate_hz):
-        if event.input == TRUE_MOTION:
+        if event.input not in TAKEN:
             yield Step(event, PipelineOutput(), state)
             continue
         try:
@@ -207,7 +255,7 @@ def replay_in_process(
 def _write(bag: BagWriter, step: Step, commands: list[bytes], interactions: tuple[str, ...]) -> None:
     time_ns, message = step.event.time_ns, step.event.message
     if message is not None:
-        bag.write(f"/{step.event.input}", message.type_name, time_ns, message.data)
+        bag.write(f"/{step.event.input.lstrip('/')}", message.type_name, time_ns, message.data)
     person = step.output.person
     if person is not None:
         bag.write("/person", "sensor_msgs/msg/PointCloud2", time_ns, encode(person_to_msg(person)))

@@ -13,8 +13,8 @@ import os
 import re
 import signal
 import sys
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import Any
 
@@ -94,6 +94,15 @@ def give_up(node: Node, error: SetupError) -> None:
     """
     setattr(node, _ENDED_BY, error)
     rclpy.try_shutdown()
+
+
+@contextmanager
+def giving_up(node: Node) -> Iterator[None]:
+    """Around what a callback does: a `SetupError` in it ends the program as `give_up` does."""
+    try:
+        yield
+    except SetupError as error:
+        give_up(node, error)
 
 
 def _start_ros() -> None:

@@ -20,6 +20,9 @@ _MISSES = 5000
 _STEPS = 10**6
 """sqlite3's virtual machine may take so many steps for one query: a broken tree can lead round in a circle."""
 
+_FAULTS = (sqlite3.Error, OverflowError, UnicodeDecodeError)
+"""The last when even the words of the error are broken."""
+
 Row = tuple[object, ...]
 
 
@@ -67,7 +70,7 @@ def _messages(database: sqlite3.Connection, loss: Loss) -> Iterator[Row]:
             rows = _limited(database).execute(f"{columns} > ? ORDER BY id LIMIT 500", (number,)).fetchall()
             if not rows:
                 return
-        except (sqlite3.Error, OverflowError):  # somewhere behind `number`: go on one by one
+        except _FAULTS:  # somewhere behind `number`: go on one by one
             number += 1
             rows = _rows(database, f"{columns} = {number}")
             misses += not rows
@@ -83,7 +86,7 @@ def _rows(database: sqlite3.Connection, query: str) -> list[Row]:
     """All rows of a query; none when it fails."""
     try:
         return _limited(database).execute(query).fetchall()
-    except (sqlite3.Error, OverflowError):
+    except _FAULTS:
         return []
 
 

@@ -3,19 +3,21 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import partial
+from typing import Any
 
 from rclpy.clock import Clock as RosClock
 from rclpy.clock import ClockType
 
 from mild_core.errors import DataError, SetupError
-from mild_ros.bags import BagReader
+from mild_ros.bags import RawMessage
 from mild_ros.encoding import restamped
 from mild_ros.messages.handled import Handled
-from mild_ros.replay import SKELETON, TICK, TRUE_MOTION, Event
+from mild_ros.replay import SKELETON, TAKEN, TICK, Event
 
 FIRST = ("perception", "pipeline")
 """Stages that take skeletons: nothing that comes of one is all handled before they say so."""
@@ -26,7 +28,8 @@ MEASURED = ("measured", "joints_missing", "outside_limits")
 REPEAT_S = 0.5
 """`/clock` is best effort: a tick that nobody answers is sent again after so long."""
 
-LONGEST_NAP_S = 0.1
+MOMENT_NS = 25_000_000
+"""A node that sends in real time looks after everything else between such moments."""
 
 Send = Callable[[str, bytes], None]
 
@@ -41,7 +44,13 @@ class LockStep:
         send: Publishes bytes on an input.
         tick: Publishes `/clock` [ns].
         patience_s: How long to wait for an answer.
+
+    Attributes:
+        period_s: How often to ask `is_due`.
+        sent: How many events were sent.
     """
+
+    period_s = 0.05
 
     def __init__(self, events: Iterator[Event], send: Send, tick: Callable[[int], None], patience_s: float) -> None:
         self.sent = 0
@@ -54,8 +63,8 @@ class LockStep:
     def advance(self) -> bool:
         """Send the next event; False when there is none."""
         self._event = next(self._events, None)
-        while self._event is not None and self._event.input == TRUE_MOTION and self._event.message is not None:
-            self._send(TRUE_MOTION, self._event.message.data)
+        while self._event is not None and self._event.input not in TAKEN and self._event.message is not None:
+            self._send(self._event.input, self._event.message.data)
             self._event = next(self._events, None)
         if self._event is None:
             return False
@@ -67,6 +76,9 @@ class LockStep:
         self.sent += 1
         return True
 
+    def pause(self) -> None:
+        """Nothing to do: what is under way is waited for as ever."""
+
     def is_done_after(self, fate: Handled) -> bool:
         """Take the fate of an input into account; whether nothing is left of the event sent last."""
         if self._event is None or not self._concerns(self._event, fate):
@@ -75,15 +87,15 @@ class LockStep:
         self._begun = self._begun or fate.stage in FIRST
         return self._tokens == 0 and self._begun
 
-    def check(self) -> None:
-        """Look after an event that nobody answers; to be called now and then.
+    def is_due(self) -> bool:
+        """Never by itself, but look after an event that nobody answers; to be called now and then.
 
         Raises:
             SetupError: For longer than `patience_s`.
         """
         now_s = time.monotonic()
         if self._event is None:
-            return
+            return False
         if now_s - self._since_s > self._patience_s:
             what = "tick of /clock" if self._event.input == TICK else f"message on {self._event.input}"
             raise SetupError(
@@ -94,6 +106,7 @@ class LockStep:
         if self._event.input == TICK and now_s - self._repeated_s > REPEAT_S:
             self._repeated_s = now_s
             self._tick(self._event.time_ns)
+        return False
 
     @staticmethod
     def _concerns(event: Event, fate: Handled) -> bool:
@@ -104,34 +117,87 @@ class LockStep:
         return fate.outcome != "tick" and fate.outputs == 0
 
 
-def play_in_real_time(
-    bag: BagReader, events: Iterator[Event], send: Send, rate: float, restamp: bool, go_on: Callable[[], bool]
-) -> int:
-    """Send the messages as far apart as they were recorded, divided by `rate`; returns how many.
+class RealTime:
+    """Sends messages as far apart as they were recorded, divided by `rate`.
 
     A restamped message carries the time at which it is due, so that neither the bag's nor this machine's hiccups
     change the intervals between stamps. It is made ready before that time, not at it.
+
+    Args:
+        events: What to send; ticks are told on `/clock`.
+        send: Publishes bytes on an input.
+        tick: Publishes `/clock` [ns].
+        rate: How much faster than it was recorded.
+        decode: Reads a message, to give it the time of its sending; None leaves the stamps as they are.
+
+    Attributes:
+        period_s: How often to ask `is_due`.
+        sent: How many messages were sent.
     """
-    sent, start_ns, first_ns = 0, 0, 0
-    clock = RosClock(clock_type=ClockType.SYSTEM_TIME)
-    for event in events:
-        if event.message is None:
-            continue
-        if not sent:
-            start_ns, first_ns = clock.now().nanoseconds + 50_000_000, event.time_ns
-        due_ns = start_ns + round((event.time_ns - first_ns) / rate)
-        data = event.message.data
-        if restamp:
-            with suppress(DataError):  # what cannot be read is sent as it is: the nodes are to count it
-                data = restamped(
-                    data, event.message.type_name, partial(bag.decode, event.message), due_ns - event.time_ns
-                )
-        while (wait_s := (due_ns - clock.now().nanoseconds) * 1e-9) > 0.0:
-            if not go_on():
-                return sent
-            time.sleep(min(wait_s, LONGEST_NAP_S))
-        if not go_on():
-            return sent
-        send(event.input, data)
-        sent += 1
-    return sent
+
+    period_s = 0.001
+
+    def __init__(
+        self,
+        events: Iterator[Event],
+        send: Send,
+        tick: Callable[[int], None],
+        rate: float,
+        decode: Callable[[RawMessage], Any] | None,
+    ) -> None:
+        self.sent = 0
+        self._events, self._send, self._tick, self._rate, self._decode = events, send, tick, rate, decode
+        self._clock = RosClock(clock_type=ClockType.SYSTEM_TIME)
+        self._anchor: tuple[int, int] | None = None
+        self._newest_ns = 0
+        self._ready: tuple[int, Event, bytes] | None = None
+
+    def advance(self) -> bool:
+        """Send what is due in the next moment; False when nothing is left."""
+        end_ns = self._clock.now().nanoseconds + MOMENT_NS
+        while True:
+            if self._ready is None:
+                event = next(self._events, None)
+                if event is None:
+                    return False
+                self._ready = self._made_ready(event)
+            due_ns, event, data = self._ready
+            wait_ns = min(due_ns, end_ns) - self._clock.now().nanoseconds
+            time.sleep(max(wait_ns, 0) * 1e-9)
+            if due_ns > end_ns:
+                return True
+            self._ready = None
+            if event.message is None:
+                self._tick(event.time_ns)
+            else:
+                self._send(event.input, data)
+                self.sent += 1
+
+    def is_done_after(self, _fate: Handled) -> bool:
+        """Nobody is waited for."""
+        return False
+
+    def is_due(self) -> bool:
+        """Always: to send is to look at the clock."""
+        return True
+
+    def pause(self) -> None:
+        """Go on later from where it was."""
+        self._anchor = None
+        if self._ready is not None:
+            self._events, self._ready = itertools.chain([self._ready[1]], self._events), None
+
+    def _made_ready(self, event: Event) -> tuple[int, Event, bytes]:
+        """When an event is due, and the bytes to send then."""
+        if self._anchor is None or event.time_ns < self._newest_ns:  # the first, or of a bag that begins again
+            self._anchor = self._clock.now().nanoseconds + 2 * MOMENT_NS, event.time_ns
+        self._newest_ns = event.time_ns
+        start_ns, first_ns = self._anchor
+        due_ns = start_ns + round((event.time_ns - first_ns) / self._rate)
+        message = event.message
+        if message is None or self._decode is None:
+            return due_ns, event, b"" if message is None else message.data
+        data = message.data
+        with suppress(DataError):  # what cannot be read is sent as it is: the nodes are to count it
+            data = restamped(data, message.type_name, partial(self._decode, message), due_ns - event.time_ns)
+        return due_ns, event, data

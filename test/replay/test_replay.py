@@ -129,7 +129,7 @@ def test_a_replay_can_be_followed_step_by_step(
     with open_bag(scene) as bag:
         commands = [command for step in fold(bag, pipeline, INPUTS) for command in step.output.commands]
     assert len(commands) == in_process[0].commands
-    assert {command.mode for command in commands} == {"idle", "following"}
+    assert {command.mode for command in commands} >= {"idle", "following"}
 
 
 class Listener(Node):

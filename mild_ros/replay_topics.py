@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The topics that a replay publishes."""
+
+from __future__ import annotations
+
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+
+from mild_core.perception.skeletons import SkeletonSource
+from mild_ros.bags import BagReader
+from mild_ros.message_types import message_class
+from mild_ros.messages.skeletons import ADAPTERS
+from mild_ros.messages.stamps import time_to_msg
+from mild_ros.quality_of_service import BETWEEN_STAGES
+from mild_ros.replay import JOINT_STATES, SKELETON, TRUE_MOTION, Inputs
+
+
+class ReplayTopics:
+    """Publishers of what a bag holds; topics of types that are not installed here are passed over and counted.
+
+    Args:
+        node: Whose.
+        bag: The bag.
+        inputs: What of it is sent.
+        source: Convention of the skeletons.
+        clock: Whether `/clock` is told.
+
+    Attributes:
+        left_out: What will not be sent, in a few words; "" for nothing.
+    """
+
+    def __init__(self, node: Node, bag: BagReader, inputs: Inputs, source: SkeletonSource, clock: bool) -> None:
+        unknown: dict[str, int] = {}
+        types = {SKELETON: ADAPTERS[source.message].message_type, JOINT_STATES: JointState, TRUE_MOTION: JointState}
+        wanted = inputs.topics(bag)
+        names = [*dict.fromkeys(wanted.values())]
+        if inputs.joint_states in ("home", "auto") and JOINT_STATES not in names:
+            names.append(JOINT_STATES)
+        self._publishers: dict[str, Publisher] = {}
+        for name in names:
+            kind = types[name] if name in types else message_class(bag.topics[name].type_name)
+            if kind is None:
+                summary = bag.topics[name]
+                unknown[name] = summary.count
+                node.get_logger().warning(f"{name} is not sent: the type {summary.type_name} is not installed here")
+                continue
+            self._publishers[name] = node.create_publisher(kind, name, BETWEEN_STAGES)
+        told = f"; {sum(unknown.values())} messages of types that are not installed here left out"
+        self.left_out = f"{told} ({', '.join(sorted(unknown))})" if unknown else ""
+        self._clock = node.create_publisher(Clock, "/clock", BETWEEN_STAGES) if clock else None
+
+    def send(self, name: str, data: bytes) -> None:
+        """Publish the bytes of a message."""
+        if name in self._publishers:
+            self._publishers[name].publish(data)
+
+    def tick(self, time_ns: int) -> None:
+        """Tell the time of the bag."""
+        if self._clock is not None:
+            self._clock.publish(Clock(clock=time_to_msg(time_ns)))
+
+    def listeners(self) -> int:
+        """How many subscribe to the skeletons."""
+        return int(self._publishers[SKELETON].get_subscription_count())
+
+    def finish(self) -> None:
+        """Let the last messages arrive."""
+        self._publishers[SKELETON].wait_for_all_acked(Duration(seconds=1.0))
