@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 
 from mild_core.errors import ModelError
-from mild_core.inference.fields import Fields
+from mild_core.fields import Fields
 from mild_core.inference.manifest import (
     CONTROLLED_KINDS,
     FEATURES,
@@ -136,7 +136,7 @@ def _placement(fields: Fields, interactions: tuple[str, ...]) -> HumanPlacement:
 
 
 def _optional(fields: Fields, key: str) -> Fields:
-    return fields.object(key) if key in fields.values else Fields(fields.source, f"{fields.path}{key}.", {})
+    return fields.object(key) if key in fields.values else fields.below(key, {})
 
 
 def _digests(fields: Fields) -> dict[str, str]:

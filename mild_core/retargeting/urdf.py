@@ -41,6 +41,7 @@ class Joint:
         mimics: Name of the joint that this one copies, or "".
         multiplier: Position per position of the copied joint.
         offset: Position when the copied joint is at 0 [rad or m].
+        limits: Smallest and largest position and largest speed [rad or m, and per s]; NaN where the file has none.
     """
 
     name: str
@@ -52,6 +53,7 @@ class Joint:
     mimics: str = ""
     multiplier: float = 1.0
     offset: float = 0.0
+    limits: tuple[float, float, float] = (math.nan, math.nan, math.nan)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +140,7 @@ def _joint(element: ElementTree.Element) -> Joint:
     name, kind = element.get("name", ""), element.get("type", "")
     if not name or kind not in TURNING + SLIDING + FIXED:
         raise ValueError(f"joint '{name}' of type '{kind}' cannot be computed")
-    origin, axis, mimic = element.find("origin"), element.find("axis"), element.find("mimic")
+    origin, axis, mimic, limit = (element.find(tag) for tag in ("origin", "axis", "mimic", "limit"))
     direction = np.array(_numbers(axis, "xyz", (1.0, 0.0, 0.0)))
     length = float(np.linalg.norm(direction))
     if kind not in FIXED and length < 1e-6:
@@ -153,6 +155,7 @@ def _joint(element: ElementTree.Element) -> Joint:
         mimics="" if mimic is None else mimic.get("joint", ""),
         multiplier=_numbers(mimic, "multiplier", (1.0,))[0],
         offset=_numbers(mimic, "offset", (0.0,))[0],
+        limits=(_limit(limit, "lower"), _limit(limit, "upper"), _limit(limit, "velocity")),
     )
 
 
@@ -162,6 +165,10 @@ def _link(element: ElementTree.Element, joint: str, tag: str) -> str:
     if not link:
         raise ValueError(f"joint '{joint}' names no {tag}")
     return link
+
+
+def _limit(element: ElementTree.Element | None, name: str) -> float:
+    return _numbers(element, name, (math.nan,))[0]
 
 
 def _numbers(element: ElementTree.Element | None, name: str, default: tuple[float, ...]) -> tuple[float, ...]:

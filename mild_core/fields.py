@@ -5,31 +5,37 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
-from mild_core.errors import ModelError
+from mild_core.errors import ModelError, SetupError
 
 
 @dataclass(frozen=True)
 class Fields:
-    """One JSON object of an untrusted file.
+    """One object of an untrusted file: JSON or TOML.
 
     Attributes:
         source: The file, for messages.
         path: The key of this object in the file, with a dot at its end; empty at the top.
         values: What it holds.
+        remedy: What to do about a value that is wrong, if nothing better is known.
+        error: The kind of error to raise.
     """
 
     source: str
     path: str
     values: Mapping[str, Any]
+    remedy: str = "take the folder as it was trained, or train it anew"
+    error: type[SetupError] = ModelError
 
-    def wrong(
-        self, key: str, problem: str, remedy: str = "take the folder as it was trained, or train it anew"
-    ) -> ModelError:
+    def wrong(self, key: str, problem: str, remedy: str = "") -> SetupError:
         """The error for a key."""
-        return ModelError(self.source, f"key '{self.path}{key}' {problem}", remedy)
+        return self.error(self.source, f"key '{self.path}{key}' {problem}", remedy or self.remedy)
+
+    def below(self, key: str, values: Mapping[str, Any]) -> Fields:
+        """An object under `key`."""
+        return replace(self, path=f"{self.path}{key}.", values=values)
 
     def only(self, known: Iterable[str]) -> None:
         """Refuse keys that mean nothing: a misspelt one would be ignored silently."""
@@ -74,7 +80,7 @@ class Fields:
         values = self.take(key)
         if not isinstance(values, list) or len(values) != count:
             raise self.wrong(key, f"is no list of {count} numbers")
-        rows = Fields(self.source, f"{self.path}{key}.", {str(i): value for i, value in enumerate(values)})
+        rows = self.below(key, {str(i): value for i, value in enumerate(values)})
         return tuple(rows.number(str(i), lower, upper) for i in range(count))
 
     def names(self, key: str, most: int) -> tuple[str, ...]:
@@ -82,7 +88,7 @@ class Fields:
         values = self.take(key)
         if not isinstance(values, list) or not 0 < len(values) <= most:
             raise self.wrong(key, f"is no list of 1 to {most} names")
-        rows = Fields(self.source, f"{self.path}{key}.", {str(i): value for i, value in enumerate(values)})
+        rows = self.below(key, {str(i): value for i, value in enumerate(values)})
         names = tuple(rows.text(str(i)) for i in range(len(values)))
         if len(set(names)) != len(names):
             raise self.wrong(key, "holds a name twice")
@@ -93,12 +99,12 @@ class Fields:
         value = self.take(key)
         if not isinstance(value, dict):
             raise self.wrong(key, "is no object")
-        return Fields(self.source, f"{self.path}{key}.", value)
+        return self.below(key, value)
 
     def objects(self, key: str, most: int) -> tuple[Fields, ...]:
         """A list of 1 to `most` objects."""
         values = self.take(key)
         if not isinstance(values, list) or not 0 < len(values) <= most:
             raise self.wrong(key, f"is no list of 1 to {most} objects")
-        rows = Fields(self.source, f"{self.path}{key}.", {str(i): value for i, value in enumerate(values)})
+        rows = self.below(key, {str(i): value for i, value in enumerate(values)})
         return tuple(rows.object(str(i)) for i in range(len(values)))
