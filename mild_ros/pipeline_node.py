@@ -19,7 +19,6 @@ from mild_ros.clock import NodeClock
 from mild_ros.commanding import Commanding
 from mild_ros.diagnostics import Diagnostics
 from mild_ros.fates import Fates
-from mild_ros.messages.joint_state import joint_measurement_from_msg
 from mild_ros.messages.stamps import ns_from_msg
 from mild_ros.motion_topics import InsideTopics, MotionTopics
 from mild_ros.parameters import declare
@@ -44,7 +43,7 @@ class PipelineNode(Node):
         self._diagnostics = Diagnostics(self, ("skeleton", "joint_states"), parameters.robot, self._look)
         self._diagnostics.facts["model"] = parameters.model
         self._fates = Fates(self, parameters.report_handled)
-        self._commanding = Commanding(self, self._diagnostics, self._request, parameters.enabled)
+        self._commanding = Commanding(self, self._diagnostics, self._request, parameters, self._pipeline.retargeting)
         topics = MotionTopics(self, model.manifest.interactions, self._diagnostics)
         self._inside = InsideTopics(self, topics, parameters.publish_intermediate)
         self._time = NodeClock(self, self._diagnostics, self._on_tick, parameters.control_rate_hz)
@@ -66,7 +65,7 @@ class PipelineNode(Node):
         now_ns, stamp_ns = self._time.now_ns(), ns_from_msg(message.header.stamp)
         self._diagnostics.flowed("joint_states")
         try:
-            measurement = joint_measurement_from_msg(message)
+            measurement = self._commanding.measured(message)
         except DataError as error:
             self._diagnostics.unreadable("joint_states", error.reason, error.detail)
             self._fates.report("retargeting", 0, error.reason, stamp_ns)
@@ -81,7 +80,7 @@ class PipelineNode(Node):
     def _step(self, given: PipelineInput, now_ns: int) -> PipelineOutput:
         before = self._state
         self._state, output = self._pipeline.step(before, given, now_ns)
-        self._commanding.send(output.commands)
+        self._commanding.send(output.commands, self._state.retargeting)
         for stage in ("perception", "inference", "retargeting"):
             after = getattr(self._state, stage)
             if after is not getattr(before, stage):

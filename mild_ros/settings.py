@@ -9,6 +9,7 @@ from mild_core.perception.settings import PerceptionSettings
 from mild_core.perception.skeletons import SOURCES
 from mild_core.retargeting.robots import ROBOTS
 from mild_core.retargeting.settings import RetargetingSettings
+from mild_ros.controller_settings import ControllerParameters
 from mild_ros.parameters import parameter
 
 _MODEL = parameter("yumi_buetepage_ahead", "Model: a name of `mild models`, or the path of a folder.")
@@ -79,7 +80,7 @@ class InferenceParameters:
 
 
 @dataclass(frozen=True)
-class RetargetingParameters:
+class RetargetingParameters(ControllerParameters):
     """Of the retargeting node."""
 
     robot: str = parameter("yumi", "Robot to command.", choices=tuple(ROBOTS))

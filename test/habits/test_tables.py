@@ -17,6 +17,7 @@ FAMILIES = {
     "mild_core/retargeting/robots": "ROBOTS",
     "mild_core/learning/datasets": "DATASETS",
     "mild_core/learning/baselines": "BASELINES",
+    "mild_ros/controllers": "OUTPUTS",
 }
 
 
@@ -131,7 +132,7 @@ def test_a_new_table_is_seen(tmp_path: Path) -> None:
 
 
 def test_every_family_is_known_here() -> None:
-    """A package of the core with a table is a family, and then the gates above have to know it."""
-    inits = (ROOT / "mild_core").rglob("__init__.py")
+    """A package with a table is a family, and then the gates above have to know it."""
+    inits = [path for top in ("mild_core", "mild_ros") for path in (ROOT / top).rglob("__init__.py")]
     tables = {(path.parent.relative_to(ROOT).as_posix(), table) for path in inits for table in _tables(path)}
     assert tables == set(FAMILIES.items())

@@ -1,0 +1,29 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What may be set of the way in which a robot's controllers are commanded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mild_ros.parameters import parameter
+
+
+@dataclass(frozen=True)
+class ControllerParameters:
+    """Of the nodes that command a robot."""
+
+    outputs: tuple[str, ...] = parameter(
+        (),
+        "Commands beside `joint_command`: any of `joint_trajectory` (JointTrajectoryController), `position_command` "
+        "(forward_command_controller) and `joint_angles` (naoqi_driver).",
+    )
+    robot_joint_names: tuple[str, ...] = parameter(
+        (),
+        "The robot's own names of its joints, on commands and on `joint_states`, in our order; empty if they are ours.",
+    )
+    position_order: tuple[str, ...] = parameter(
+        (), "Names of the joints in the order of `position_command`; empty for that of `joint_command`."
+    )
+    trajectory_s: float = parameter(
+        0.2, "How far ahead `joint_trajectory` follows before its smooth stop.", unit="s", minimum=0.02, maximum=1.0
+    )

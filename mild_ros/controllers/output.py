@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What every kind of message for a controller has in common."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from mild_core.retargeting.robot import RobotModel
+from mild_core.signals import JointCommand
+
+
+@dataclass(frozen=True)
+class Outgoing:
+    """A command on its way to a controller, with the robot's names of its joints.
+
+    Attributes:
+        command: What to do now.
+        foreseen: What will be commanded if nothing more comes, to a smooth stop; worked out when asked for.
+        robot: Whose limits these are, in the order of the command.
+        position_order: Names of joints as a controller of bare numbers has them.
+    """
+
+    command: JointCommand
+    foreseen: Callable[[], tuple[JointCommand, ...]]
+    robot: RobotModel
+    position_order: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class ControllerOutput:
+    """A kind of message for a controller.
+
+    Attributes:
+        topic: Where it is published.
+        type_name: Of its messages; the package may be absent.
+        message: Fills one, given its class.
+        period_s: No two within this time; 0 sends one with every command.
+    """
+
+    topic: str
+    type_name: str
+    message: Callable[[Any, Outgoing], Any]
+    period_s: float = 0.0

@@ -1,0 +1,207 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is sent to controllers is what they accept, and stays inside every limit also when nothing more comes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from std_msgs.msg import Float64MultiArray
+from trajectory_msgs.msg import JointTrajectory
+
+from mild_core.errors import SetupError
+from mild_core.retargeting.foresight import foreseen
+from mild_core.retargeting.robots import ROBOTS
+from mild_core.retargeting.settings import RetargetingSettings
+from mild_core.retargeting.stage import Retargeting, RetargetingState
+from mild_core.signals import JointCommand, JointMeasurement, MotionWindow
+from mild_ros.controllers import OUTPUTS
+from mild_ros.controllers.output import Outgoing
+from mild_ros.joint_naming import joint_naming
+from mild_ros.messages.stamps import ns_from_msg
+
+YUMI = ROBOTS["yumi"]
+ABB_NAMES = tuple(f"yumi_robr_joint_{number}" for number in range(1, 8))
+START_NS, TICK_NS = 10**18, 10_000_000
+STAGE = Retargeting(YUMI, RetargetingSettings())
+
+
+def after_motion(target: np.ndarray, ticks: int) -> tuple[RetargetingState, JointCommand]:
+    """The stage, and its newest command, so many ticks after it was given a motion to `target`."""
+    state, _ = STAGE.step(STAGE.init(), JointMeasurement(START_NS, YUMI.joint_names, YUMI.home_rad), START_NS)
+    motion = MotionWindow(
+        stamp_ns=START_NS,
+        lead_ns=25_000_000,
+        period_ns=25_000_000,
+        joint_names=YUMI.joint_names,
+        positions=np.tile(target, (40, 1)),
+        covariance=np.eye(7) * 1e-4,
+        interaction="hand_shake",
+        probability=0.9,
+        belief=np.array([1.0]),
+        phase=0.5,
+        out_of_distribution=0.1,
+    )
+    state, commands = STAGE.step(state, motion, START_NS)
+    for tick in range(1, ticks + 1):
+        state, made = STAGE.step(state, None, START_NS + tick * TICK_NS)
+        commands = made or commands
+    return state, commands[-1]
+
+
+def outgoing(state: RetargetingState, command: JointCommand, order: tuple[str, ...] = ()) -> Outgoing:
+    named = joint_naming(YUMI.joint_names, ABB_NAMES).told(command)
+    return Outgoing(named, lambda: foreseen(STAGE, state, command.stamp_ns, 0.2, 0.02), YUMI, order or ABB_NAMES)
+
+
+def rejections(message: Any, joints: tuple[str, ...], now_ns: int) -> Iterator[str]:
+    """Why JointTrajectoryController with its default parameters would reject a message.
+
+    Source: `validate_trajectory_msg`, ros2_controllers, joint_trajectory_controller.cpp (Jazzy).
+    """
+    if len(message.joint_names) != len(joints):
+        yield "joints on incoming trajectory don't match the controller joints"
+    if not message.joint_names:
+        yield "empty joint names"
+    if not message.points:
+        yield "empty trajectory"
+        return
+    if set(message.joint_names) - set(joints):
+        yield "incoming joint doesn't match the controller's joints"
+    if any(abs(speed) > np.finfo(np.float32).eps for speed in message.points[-1].velocities):
+        yield "velocity of last trajectory point is not zero"
+    stamp_ns, times = ns_from_msg(message.header.stamp), [_ns(point.time_from_start) for point in message.points]
+    if stamp_ns and stamp_ns + times[-1] < now_ns:
+        yield "ends in the past"
+    if np.any(np.diff(times) <= 0):
+        yield "time between points is not strictly increasing"
+    for point in message.points:
+        if len(point.positions) != len(message.joint_names):
+            yield "mismatch between joint_names and positions"
+        if any(
+            values and len(values) != len(message.joint_names) for values in (point.velocities, point.accelerations)
+        ):
+            yield "mismatch between joint_names and velocities or accelerations"
+        if len(point.effort):
+            yield "trajectories with effort fields"
+
+
+def _ns(duration: Any) -> int:
+    return int(duration.sec * 10**9 + duration.nanosec)
+
+
+def splined(message: Any, times_s: np.ndarray) -> np.ndarray:
+    """Positions between the points as JointTrajectoryController interpolates them: cubic with positions and speeds."""
+    at = np.array([_ns(point.time_from_start) * 1e-9 for point in message.points])
+    where = np.array([list(point.positions) for point in message.points])
+    speed = np.array([list(point.velocities) for point in message.points])
+    index = np.clip(np.searchsorted(at, times_s, side="right") - 1, 0, len(at) - 2)
+    length = np.diff(at)[index][:, None]
+    u = ((times_s - at[index]) / length[:, 0])[:, None]
+    return (
+        (2 * u**3 - 3 * u**2 + 1) * where[index]
+        + (u**3 - 2 * u**2 + u) * length * speed[index]
+        + (3 * u**2 - 2 * u**3) * where[index + 1]
+        + (u**3 - u**2) * length * speed[index + 1]
+    )
+
+
+@settings(deadline=None, max_examples=40, derandomize=True)  # the first example compiles
+@given(
+    away=st.lists(st.floats(-1.5, 1.5), min_size=7, max_size=7),
+    ticks=st.integers(0, 60),
+)
+def test_a_trajectory_is_accepted_and_keeps_every_limit(away: list[float], ticks: int) -> None:
+    state, command = after_motion(YUMI.home_rad + np.array(away), ticks)
+    message = OUTPUTS["joint_trajectory"].message(JointTrajectory, outgoing(state, command))
+    assert list(rejections(message, ABB_NAMES, command.stamp_ns)) == []
+    times = np.arange(
+        _ns(message.points[0].time_from_start) * 1e-9, _ns(message.points[-1].time_from_start) * 1e-9, 0.004
+    )
+    if not len(times):
+        return  # it rests: one point
+    positions = splined(message, times)
+    assert np.all(positions >= YUMI.lower_rad - 1e-9)
+    assert np.all(positions <= YUMI.upper_rad + 1e-9)
+    # A cubic through exact points errs in speed by at most jerk * (period / 2)^2: 600 rad/s3 and 10 ms.
+    assert np.all(np.abs(np.diff(positions, axis=0)) / 0.004 <= YUMI.velocity_rad_s + 600 * 0.01**2)
+
+
+def test_a_trajectory_foretells_what_is_commanded() -> None:
+    state, command = after_motion(YUMI.home_rad + 0.5, 20)
+    ahead = foreseen(STAGE, state, command.stamp_ns, 0.2, TICK_NS * 1e-9)
+    for expected in ahead[:20]:
+        state, (made,) = STAGE.step(state, None, expected.stamp_ns)
+        np.testing.assert_array_equal(made.positions_rad, expected.positions_rad)
+    assert np.abs(ahead[20].velocities_rad_s).max() > 0.01, "then it stops"
+    np.testing.assert_array_equal(ahead[-1].velocities_rad_s, 0.0)
+
+
+def _harmed(message: Any, harm: Callable[[Any], None]) -> Any:
+    harm(message)
+    return message
+
+
+@pytest.mark.parametrize(
+    ("harm", "why"),
+    [
+        (lambda m: m.joint_names.pop(), "don't match"),
+        (lambda m: m.joint_names.__setitem__(0, "other"), "doesn't match"),
+        (lambda m: m.points.clear(), "empty trajectory"),
+        (lambda m: setattr(m.points[-1], "velocities", [0.1] * 7), "is not zero"),
+        (lambda m: setattr(m.points[1], "time_from_start", m.points[0].time_from_start), "strictly increasing"),
+        (lambda m: setattr(m.points[0], "effort", [0.0] * 7), "effort"),
+        (lambda m: setattr(m.header.stamp, "sec", 1), "in the past"),
+    ],
+)
+def test_the_rules_reject_what_the_controller_rejects(harm: Callable[[Any], None], why: str) -> None:
+    state, command = after_motion(YUMI.home_rad + 0.5, 20)
+    message = OUTPUTS["joint_trajectory"].message(JointTrajectory, outgoing(state, command))
+    found = list(rejections(_harmed(message, harm), ABB_NAMES, command.stamp_ns))
+    assert any(why in reason for reason in found)
+
+
+def test_positions_come_in_the_stated_order() -> None:
+    state, command = after_motion(YUMI.home_rad + 0.5, 20)
+    order = ABB_NAMES[::-1]
+    message = OUTPUTS["position_command"].message(Float64MultiArray, outgoing(state, command, order))
+    assert list(message.data) == command.positions_rad.tolist()[::-1]
+
+
+def test_pepper_is_told_angles_and_a_speed() -> None:
+    definition = "std_msgs/Header header\nstring[] joint_names\nfloat32[] joint_angles\nfloat32 speed\nuint8 relative"
+    types = get_typestore(Stores.ROS2_JAZZY)
+    types.register(get_types_from_msg(definition, "naoqi_bridge_msgs/msg/JointAnglesWithSpeed"))
+    header, time = types.types["std_msgs/msg/Header"], types.types["builtin_interfaces/msg/Time"]
+
+    def kind(**fields: Any) -> Any:
+        of_naoqi = types.types["naoqi_bridge_msgs/msg/JointAnglesWithSpeed"]
+        fields["joint_angles"] = np.array(fields["joint_angles"], dtype=np.float32)
+        return of_naoqi(header(time(0, 0), ""), **fields)
+
+    state, command = after_motion(YUMI.home_rad + 0.5, 20)
+    message = OUTPUTS["joint_angles"].message(kind, outgoing(state, command))
+    data = types.serialize_cdr(message, "naoqi_bridge_msgs/msg/JointAnglesWithSpeed")
+    read = types.deserialize_cdr(data, "naoqi_bridge_msgs/msg/JointAnglesWithSpeed")
+    assert tuple(read.joint_names) == ABB_NAMES
+    np.testing.assert_allclose(read.joint_angles, command.positions_rad, rtol=1e-6)
+    assert read.speed == pytest.approx(np.max(np.abs(command.velocities_rad_s) / YUMI.velocity_rad_s), rel=1e-6)
+    assert 0.05 <= read.speed <= 1.0
+    still = replace(command, velocities_rad_s=np.zeros(7))
+    assert OUTPUTS["joint_angles"].message(kind, outgoing(state, still)).speed == 0.05
+
+
+def test_the_robots_own_names_are_understood() -> None:
+    naming = joint_naming(YUMI.joint_names, ABB_NAMES)
+    measured = JointMeasurement(1, ("gripper", *ABB_NAMES[::-1]), np.arange(8.0))
+    assert naming.understood(measured).joint_names == ("gripper", *YUMI.joint_names[::-1])
+    with pytest.raises(SetupError, match="one for each of yumi_joint_1_r"):
+        joint_naming(YUMI.joint_names, ABB_NAMES[:6])
+    with pytest.raises(SetupError, match="has 6 different names"):
+        joint_naming(YUMI.joint_names, (*ABB_NAMES[:6], ABB_NAMES[0]))
