@@ -20,6 +20,8 @@ def require_shape(name: str, array: NDArray[Any], shape: tuple[int | None, ...])
 
     Source: the convention of the glossary above.
     """
+    if array.shape == shape:
+        return
     if len(array.shape) != len(shape) or any(s is not None and s != a for a, s in zip(array.shape, shape, strict=True)):
         wanted = "(" + ", ".join("any" if s is None else str(s) for s in shape) + ")"
         raise ValueError(f"{name} has shape {array.shape}, expected {wanted}")

@@ -7,8 +7,10 @@ Joints of one frame are a handful of numbers, for which plain Python is several 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from itertools import pairwise
+from typing import NamedTuple
 
 from mild_core.errors import DataError
 from mild_core.signals import SkeletonFrame
@@ -25,16 +27,39 @@ STAND_INS = {"hand": "wrist", "wrist": "hand"}
 """Trackers with one of the two: segments are scaled to the model's lengths, so only their direction counts."""
 
 
-def place_of(names: tuple[str, ...], name: str) -> int:
-    """Index of a joint or of the one that stands in for it, -1 when the skeleton has neither.
+class Body(NamedTuple):
+    """One frame of a person as plain numbers, taken out of the arrays once.
+
+    Attributes:
+        frame: The person.
+        points: Position [m] of each joint.
+        confidence: Of each joint.
+        places: Index of each joint's name, and of the names that it stands in for.
+    """
+
+    frame: SkeletonFrame
+    points: list[list[float]]
+    confidence: list[float]
+    places: Mapping[str, int]
+
+
+def body_of(frame: SkeletonFrame) -> Body:
+    """The plain numbers of a frame."""
+    return Body(frame, frame.positions_m.tolist(), frame.confidence.tolist(), places_of(frame.joint_names))
+
+
+@lru_cache(maxsize=256)
+def places_of(names: tuple[str, ...]) -> Mapping[str, int]:
+    """Index of each joint of a skeleton, and of what these stand in for; trackers name the same joints every time.
 
     Source: `STAND_INS`.
     """
-    if name in names:
-        return names.index(name)
-    side, _, part = name.partition("_")
-    stand_in = f"{side}_{STAND_INS.get(part, part)}"
-    return names.index(stand_in) if stand_in in names else -1
+    places = {name: place for place, name in reversed(list(enumerate(names)))}
+    for side in ("left", "right"):
+        for part, other in STAND_INS.items():
+            if f"{side}_{other}" in names:
+                places.setdefault(f"{side}_{part}", names.index(f"{side}_{other}"))
+    return places
 
 
 def usable(point: Sequence[float]) -> bool:
@@ -45,21 +70,20 @@ def usable(point: Sequence[float]) -> bool:
     return -far < x < far and -far < y < far and -far < z < far and (x != 0.0 or y != 0.0 or z != 0.0)
 
 
-def seen_joint(frame: SkeletonFrame, name: str) -> Point | None:
+def seen_joint(body: Body, name: str) -> Point | None:
     """Position [m] of a joint in the frame's axes; None when it is missing or not usable."""
-    if name not in frame.joint_names:
+    place = body.places.get(name)
+    if place is None or not usable(body.points[place]):
         return None
-    x, y, z = frame.positions_m[frame.joint_names.index(name)].tolist()
-    return (x, y, z) if usable((x, y, z)) else None
+    x, y, z = body.points[place]
+    return x, y, z
 
 
-def believed(
-    frame: SkeletonFrame, names: Sequence[str], min_confidence: float, zero_root_allowed: bool = False
-) -> list[Point]:
+def believed(body: Body, names: Sequence[str], min_confidence: float, zero_root_allowed: bool = False) -> list[Point]:
     """Positions [m] of joints, in the order of `names`, when each of them can be believed.
 
     Args:
-        frame: The person.
+        body: The person.
         names: Joints that are needed.
         min_confidence: The least confidence of each, 0 to 1.
         zero_root_allowed: The first joint may lie at the origin of the axes exactly.
@@ -67,17 +91,16 @@ def believed(
     Raises:
         DataError: `missing_joint`, `not_finite`, `out_of_range`, `zeroed` or `low_confidence`, with the joint.
     """
-    positions, confidence = frame.positions_m, frame.confidence
     points: list[Point] = []
     for name in names:
-        place = place_of(frame.joint_names, name)
-        if place < 0:
+        place = body.places.get(name)
+        if place is None:
             raise DataError("missing_joint", f"the skeleton has no {name}")
-        x, y, z = positions[place].tolist()
-        if not usable((x, y, z)) and not (zero_root_allowed and not points and x == y == z == 0.0):
+        x, y, z = point = body.points[place]
+        if not usable(point) and not (zero_root_allowed and not points and x == y == z == 0.0):
             raise _unusable(name, (x, y, z))
-        if not confidence[place] >= min_confidence:
-            raise DataError("low_confidence", f"{name} has {confidence[place]:.2f}, needs {min_confidence:.2f}")
+        if not body.confidence[place] >= min_confidence:
+            raise DataError("low_confidence", f"{name} has {body.confidence[place]:.2f}, needs {min_confidence:.2f}")
         points.append((x, y, z))
     return points
 

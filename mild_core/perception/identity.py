@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
-from mild_core.perception.gates import Point, seen_joint
+from mild_core.perception.gates import Body, Point, body_of, seen_joint
 from mild_core.signals import SkeletonFrame
 
 TRUNK = ("pelvis", "chest", "left_shoulder", "right_shoulder", "head")
@@ -45,11 +46,11 @@ class Lock:
     received_ns: int
 
 
-@dataclass(frozen=True)
-class Seen:
+class Seen(NamedTuple):
     """A person in a message, and where their `TRUNK` is [m]."""
 
     person: SkeletonFrame
+    body: Body
     trunk_m: Trunk
 
 
@@ -72,7 +73,7 @@ def find_person(lock: Lock | None, people: tuple[SkeletonFrame, ...], reach_m: f
     Returns:
         None when nobody can be them.
     """
-    everyone = [Seen(person, tuple(seen_joint(person, name) for name in TRUNK)) for person in people]
+    everyone = [_seen(person) for person in people]
     if lock is None:
         return min(everyone, key=_distance_from_origin, default=None)
     best, least = None, math.inf
@@ -88,6 +89,11 @@ def find_person(lock: Lock | None, people: tuple[SkeletonFrame, ...], reach_m: f
         if score < least:
             best, least = seen, score
     return best
+
+
+def _seen(person: SkeletonFrame) -> Seen:
+    body = body_of(person)
+    return Seen(person, body, tuple([seen_joint(body, name) for name in TRUNK]))
 
 
 def _moved(lock: Lock, seen: Seen) -> float | None:

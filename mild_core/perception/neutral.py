@@ -15,10 +15,9 @@ import numpy as np
 
 from mild_core.errors import DataError
 from mild_core.perception.calibration import Calibration
-from mild_core.perception.gates import Point, believed, seen_joint
+from mild_core.perception.gates import Body, Point, believed, seen_joint
 from mild_core.perception.skeletons.source import Axes
 from mild_core.shapes import FloatArray
-from mild_core.signals import SkeletonFrame
 
 FULL_SECOND = 0.99
 """Of the neutral second, as stamps jitter."""
@@ -56,12 +55,12 @@ class NeutralFrame:
 
 
 def neutral_frame(
-    person: SkeletonFrame, shoulder_m: Point, bone_lengths_m: tuple[float, ...], torso: bool, min_confidence: float
+    body: Body, shoulder_m: Point, bone_lengths_m: tuple[float, ...], torso: bool, min_confidence: float
 ) -> NeutralFrame:
     """What calibration needs of a frame.
 
     Args:
-        person: The frame.
+        body: The frame.
         shoulder_m: Its watched shoulder.
         bone_lengths_m: Of its watched arm.
         torso: Whether the trunk is needed, because the axes come from it.
@@ -72,16 +71,16 @@ def neutral_frame(
     """
     trunk = None
     try:
-        trunk = np.array([*believed(person, _SHOULDERS, min_confidence), _pelvis(person, min_confidence)])
+        trunk = np.array([*believed(body, _SHOULDERS, min_confidence), _pelvis(body, min_confidence)])
     except DataError:
         if torso:
             raise
     facing = np.zeros(3)
     for start, end in _FACING:
-        a, b = seen_joint(person, start), seen_joint(person, end)
+        a, b = seen_joint(body, start), seen_joint(body, end)
         if a is not None and b is not None:
             facing += np.subtract(b, a)
-    return NeutralFrame(person.stamp_ns, np.array(shoulder_m), trunk, facing, bone_lengths_m)
+    return NeutralFrame(body.frame.stamp_ns, np.array(shoulder_m), trunk, facing, bone_lengths_m)
 
 
 def with_newest(
@@ -189,9 +188,9 @@ def _farthest(places_m: FloatArray) -> float:
     return float(np.sqrt(np.square(places_m - places_m.mean(axis=0)).sum(axis=-1)).max())
 
 
-def _pelvis(person: SkeletonFrame, min_confidence: float) -> Point:
+def _pelvis(body: Body, min_confidence: float) -> Point:
     """The pelvis, or the middle of the hips for trackers without one."""
-    if "pelvis" in person.joint_names or "left_hip" not in person.joint_names:
-        return believed(person, ("pelvis",), min_confidence)[0]
-    (ax, ay, az), (bx, by, bz) = believed(person, ("left_hip", "right_hip"), min_confidence)
+    if "pelvis" in body.places or "left_hip" not in body.places:
+        return believed(body, ("pelvis",), min_confidence)[0]
+    (ax, ay, az), (bx, by, bz) = believed(body, ("left_hip", "right_hip"), min_confidence)
     return ((ax + bx) / 2.0, (ay + by) / 2.0, (az + bz) / 2.0)

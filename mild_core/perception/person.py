@@ -10,9 +10,9 @@ import numpy as np
 
 from mild_core.errors import DataError
 from mild_core.perception.calibration import Calibration
-from mild_core.perception.gates import Point, believed
+from mild_core.perception.gates import Body, Point, believed
 from mild_core.shapes import FloatArray
-from mild_core.signals import ARM_FRAME, ROBOT_FRAME, PersonPose, SkeletonFrame
+from mild_core.signals import ARM_FRAME, ROBOT_FRAME, PersonPose
 
 HAND_FROM_WRIST_M = 0.08
 """From the wrist to the middle of the hand, along the forearm, where a tracker sees no hand. Source: an adult's hand
@@ -24,7 +24,7 @@ UNSEEN: Point = (math.nan, math.nan, math.nan)
 
 
 def person_pose(
-    person: SkeletonFrame,
+    body: Body,
     calibration: Calibration,
     robot_from_source: FloatArray | None,
     min_confidence: float,
@@ -33,7 +33,7 @@ def person_pose(
     """Hand, head and trunk of a person.
 
     Args:
-        person: One frame of them.
+        body: One frame of them.
         calibration: Their arm frame; its side is the watched one.
         robot_from_source: (4, 4) pose of the tracker's frame in the robot's base frame; None leaves the person in the
             arm frame.
@@ -44,29 +44,32 @@ def person_pose(
     def middle(names: Sequence[str]) -> Point:
         """Between joints, if all are to be believed."""
         try:
-            points = believed(person, names, min_confidence)
+            points = believed(body, names, min_confidence)
         except DataError:
             return UNSEEN
-        x, y, z = (math.fsum(values) / len(points) for values in zip(*points, strict=True))
-        return x, y, z
+        if len(points) == 1:
+            return points[0]
+        (ax, ay, az), (bx, by, bz) = points
+        return (ax + bx) / 2.0, (ay + by) / 2.0, (az + bz) / 2.0
 
-    hips = middle(("pelvis",)) if "pelvis" in person.joint_names else middle(HIPS)
-    hand = _hand(person, calibration.side, min_confidence) if arm_believed else UNSEEN
+    hips = middle(("pelvis",)) if "pelvis" in body.places else middle(HIPS)
+    hand = _hand(body, calibration.side, min_confidence) if arm_believed else UNSEEN
     seen = np.array([hand, middle(("head",)), middle(SHOULDERS), hips])
     if robot_from_source is None:
         placed, frame = (seen - calibration.shoulder_m) @ calibration.arm_from_source.T, ARM_FRAME
     else:
         placed, frame = seen @ robot_from_source[:3, :3].T + robot_from_source[:3, 3], ROBOT_FRAME
-    return PersonPose(person.stamp_ns, frame, placed[0], placed[1], placed[2:])
+    placed.flags.writeable = False
+    return PersonPose(body.frame.stamp_ns, frame, placed[0], placed[1], placed[2:])
 
 
-def _hand(person: SkeletonFrame, side: str, min_confidence: float) -> Point:
+def _hand(body: Body, side: str, min_confidence: float) -> Point:
     """The tracked hand, or what lies beyond the wrist."""
     names = (f"{side}_elbow", f"{side}_wrist", f"{side}_hand")
     try:
-        if names[2] in person.joint_names:
-            return believed(person, names[2:], min_confidence)[0]
-        elbow, wrist = believed(person, names[:2], min_confidence)
+        if names[2] in body.frame.joint_names:
+            return believed(body, names[2:], min_confidence)[0]
+        elbow, wrist = believed(body, names[:2], min_confidence)
     except DataError:
         return UNSEEN
     beyond = HAND_FROM_WRIST_M / max(math.dist(elbow, wrist), 1e-6)

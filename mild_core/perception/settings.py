@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 from mild_core.errors import SetupError, unknown_name
@@ -95,7 +96,7 @@ class PerceptionSettings:
         if lengths and (len(lengths) != bones or not all(0.0 < length < 2.0 for length in lengths)):
             raise SetupError("bone_lengths_m", f"is {list(lengths)}", f"give {bones} lengths in metres, or none")
 
-    @property
+    @cached_property
     def sided_names(self) -> tuple[str, ...]:
         """The model's joints as a skeleton names them ("right_shoulder", ...)."""
         return tuple(f"{self.side}_{name}" for name in self.joint_names)

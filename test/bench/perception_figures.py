@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from mild_core.perception.skeletons import SOURCES
 from mild_core.perception.stage import Perception, PerceptionSettings
@@ -33,9 +35,9 @@ _EVENTS = {
 Messages = Iterable[tuple[int, tuple[SkeletonFrame, ...]]]
 
 
-def counts(messages: Messages, **settings: object) -> Mapping[str, int]:
+def counts(messages: Messages, **settings: Any) -> Mapping[str, int]:
     """Outcomes and events of perception over a recording."""
-    perception = Perception(PerceptionSettings(**{**vars(SETTINGS), **settings}))
+    perception = Perception(replace(SETTINGS, **settings))
     state = perception.init()
     for now_ns, people in messages:
         state, _ = perception.step(state, people, now_ns)

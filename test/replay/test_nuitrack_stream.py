@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -37,7 +38,7 @@ def test_every_line_is_accounted_for_and_the_right_arm_nearly_always_used(record
 
 def test_the_person_faces_the_camera_and_is_no_mirror_image(recorded: Recorded) -> None:
     people = [people for _, people in recorded if people][:60]
-    state, windows = run(people, SETTINGS.__class__(**{**vars(SETTINGS), "source_axes": "rep103"}))
+    state, windows = run(people, replace(SETTINGS, source_axes="rep103"))
     assert state.calibration is not None
     forward, _, up = state.calibration.arm_from_source
     assert forward[0] < -0.9  # towards the camera, which looks along x

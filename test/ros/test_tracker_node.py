@@ -50,10 +50,8 @@ def reports_until(around: Surroundings, text: str, act: Act) -> Iterator[str]:
     return (report.message for report in around.reports[heard:])
 
 
-def test_a_tracker_that_was_not_set_is_named_at_once(
-    start: Callable[..., NodeProcess], probe: Probe, random_model: Path
-) -> None:
-    node = start("perception", model=random_model)
+def test_a_tracker_that_was_not_set_is_named_at_once(start: Callable[..., NodeProcess], probe: Probe) -> None:
+    node = start("perception")
     around = Surroundings(probe, "perception")
     around.connect()
     elsewhere = probe.node.create_publisher(MarkerArray, "/k4a/body_tracking_data", qos_profile_sensor_data)
@@ -84,10 +82,10 @@ def test_a_tracker_that_was_not_set_is_named_at_once(
 
 
 def test_motion_capture_is_put_together_and_its_calibration_kept(
-    start: Callable[..., NodeProcess], probe: Probe, random_model: Path, tmp_path: Path
+    start: Callable[..., NodeProcess], probe: Probe, tmp_path: Path
 ) -> None:
     topics = [f"/vrpn_mocap/{name}/pose" for name in BODIES]
-    words: dict[str, Any] = {"model": random_model, "source": "motion_capture", "source_axes": "rep103"}
+    words: dict[str, Any] = {"source": "motion_capture", "source_axes": "rep103"}
     words |= {"joint_names": BODIES, "joint_places": topics, "calibration_file": tmp_path / "calibration.json"}
     first = start("perception", **words)
     around = Surroundings(probe, "perception")
@@ -97,8 +95,7 @@ def test_motion_capture_is_put_together_and_its_calibration_kept(
         probe.matched(publisher)
     act = acting(probe, "motion_capture", lambda topic, message: publishers[topic].publish(message))
     around._until(lambda: len(windows) > 10, "windows", act)
-    values = around.until_status(OK, "accepted", act)
-    assert "perception missing_joint" not in values
+    around.until_status(OK, "accepted", act)
     assert first.stop() == 0
 
     kept = (tmp_path / "calibration.json").read_bytes()
