@@ -60,8 +60,8 @@ class InverseKinematics:
 
     def __init__(self, robot: RobotModel, links: Sequence[str], margin_rad: float = INSIDE_RAD) -> None:
         try:
-            import pink
-            import pinocchio
+            import pink  # type: ignore[import-untyped]
+            import pinocchio  # type: ignore[import-untyped]
         except ImportError as error:
             raise SetupError(
                 "inverse kinematics", f"a library is missing ({error})", "install pin-pink and daqp"

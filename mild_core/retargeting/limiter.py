@@ -32,6 +32,9 @@ Joints = tuple[float, ...]
 ROUNDING = 1e-9
 """Below this an angle [rad], a speed or an acceleration is what rounding left over: no encoder sees it."""
 
+STOP_SHARES = (0.25, 0.5, 1.0)
+"""Where a stop is looked at: it is fastest in its first half, and furthest at its end."""
+
 
 class NoPlanError(MildError):
     """The planner found no way from a motion to its target."""
@@ -109,6 +112,18 @@ class Limiter:
             return JointMotion.at_rest(motion.position_rad)
         return self._sampled(self._stop, motion, dt_s)
 
+    def stop_path(self, motion: JointMotion) -> tuple[JointMotion, ...]:
+        """`motion`, and what follows on the fastest way to rest: at `STOP_SHARES` of its time.
+
+        Raises:
+            NoPlanError: There is no plan; finite input inside the limits always has one.
+        """
+        if motion.resting:
+            return (motion,)
+        self._planned(self._stop, motion)
+        times_s = [share * self._plan.duration for share in STOP_SHARES]
+        return (motion, *(JointMotion(*map(tuple, self._plan.at_time(time_s))) for time_s in times_s))
+
     def resting_place(self, motion: JointMotion) -> Joints:
         """Where `motion` comes to rest if stopped now: J positions [rad].
 
@@ -119,6 +134,12 @@ class Limiter:
         return self.stop(motion, 1e3).position_rad
 
     def _sampled(self, problem: InputParameter, motion: JointMotion, dt_s: float) -> JointMotion:
+        self._planned(problem, motion)
+        position, velocity, acceleration = self._plan.at_time(dt_s)
+        sampled = JointMotion(tuple(position), tuple(velocity), tuple(acceleration))
+        return JointMotion.at_rest(sampled.position_rad) if sampled.resting else sampled
+
+    def _planned(self, problem: InputParameter, motion: JointMotion) -> None:
         problem.current_position = motion.position_rad
         problem.current_velocity = motion.velocity_rad_s
         problem.current_acceleration = motion.acceleration_rad_s2
@@ -128,6 +149,3 @@ class Limiter:
             raise NoPlanError(str(error).strip()) from error
         if result not in (Result.Working, Result.Finished):
             raise NoPlanError(f"{result}")
-        position, velocity, acceleration = self._plan.at_time(dt_s)
-        sampled = JointMotion(tuple(position), tuple(velocity), tuple(acceleration))
-        return JointMotion.at_rest(sampled.position_rad) if sampled.resting else sampled

@@ -1,53 +1,77 @@
 # SPDX-License-Identifier: Apache-2.0
 """What retargeting is doing, and the rules by which it goes from one thing to the next.
 
-From waiting to idle when the robot has said where it is; to following on a usable motion, from anywhere; to holding
-when that motion ceases; to returning after a while, and home to idle. Disabling leaves all of this, enabling leads
-back to idle.
+The life of an interaction: idle until a person is calibrated, then ready; following when the person raises the hand;
+returning when the hand is back, or holding first when there is no motion to follow any more; home, and ready again.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import Enum
 
 
 class Mode(Enum):
-    """What retargeting is doing; the value is the word in commands and diagnostics."""
+    """What retargeting is doing; the value is the word in commands, on the topic `mode` and in diagnostics."""
 
     WAITING = "waiting"
     """Nobody has said yet where the robot is: no command is sent."""
     IDLE = "idle"
-    """The robot stands where it is, ready for a motion."""
+    """Nobody is there, or is being calibrated: the robot stands where it is."""
+    READY = "ready"
+    """A person is there, with the hand at rest; the robot waits at home for them to start."""
     FOLLOWING = "following"
-    """The robot follows the newest motion window."""
+    """Somebody interacts: the robot follows the newest motion window and brings the hands together."""
     HOLDING = "holding"
     """There is no motion to follow: the robot stops smoothly and stays."""
     RETURNING = "returning"
-    """Nothing came for a while: the robot goes home slowly."""
+    """The interaction has ended, or nothing came for a while: the robot goes home slowly."""
     DISABLED = "disabled"
     """The operator said so: the robot stops smoothly, then no command is sent."""
+    HELD = "held"
+    """Emergency: the robot stops smoothly at once and stays, whatever comes, until it is released."""
 
 
-def next_mode(mode: Mode, *, usable: bool, displaced: bool, patience_over: bool, at_home: bool) -> Mode:
-    """The mode after `mode`; called once per command.
+@dataclass(frozen=True)
+class Situation:
+    """What the next mode depends on.
 
-    Args:
-        mode: The mode of the command before.
+    Attributes:
         usable: There is a motion, it is fresh and the model knows what it is about.
+        present: A calibrated person is seen.
+        raised: Their hand has left its rest, or nobody tells where hands are.
+        held: The operator holds the robot.
         displaced: The robot is not where it was told to be.
-        patience_over: The robot has held at rest for as long as it should before it goes home.
         at_home: The robot rests at home.
+        patience_over: The robot has held at rest for as long as it should before it goes home.
+        too_long: It has been on its way home for longer than it should.
     """
+
+    usable: bool
+    present: bool
+    raised: bool
+    held: bool
+    displaced: bool
+    at_home: bool
+    patience_over: bool
+    too_long: bool
+
+
+def next_mode(mode: Mode, given: Situation) -> Mode:
+    """The mode after `mode`; called once per command."""
     if mode in (Mode.WAITING, Mode.DISABLED):
         return mode
-    if displaced:
+    if given.held:
+        return Mode.HELD
+    if given.displaced or mode is Mode.HELD:
         return Mode.HOLDING
-    if usable:
+    if given.usable and given.raised:
         return Mode.FOLLOWING
     if mode is Mode.FOLLOWING:
-        return Mode.HOLDING
-    if mode is Mode.HOLDING and patience_over:
-        return Mode.RETURNING
-    if mode is Mode.RETURNING and at_home:
-        return Mode.IDLE
-    return mode
+        return Mode.RETURNING if given.usable else Mode.HOLDING
+    if mode is Mode.HOLDING:
+        return Mode.RETURNING if given.patience_over else mode
+    if given.at_home or mode is Mode.RETURNING:
+        rest = Mode.READY if given.present else Mode.IDLE
+        return rest if given.at_home else Mode.HOLDING if given.too_long else mode
+    return Mode.RETURNING if given.present else Mode.IDLE

@@ -34,7 +34,7 @@ def take_motion(
     if state.mode in REFUSING:
         return state.ended(REFUSING[state.mode])
     try:
-        plan = checked_plan(given, robot.joint_names, now_ns)
+        plan = checked_plan(given, robot, now_ns)
     except DataError as error:
         return state.ended(error.reason)
     age_s = (now_ns - given.stamp_ns) * 1e-9
@@ -112,11 +112,16 @@ def _watch_displacement(
 
 
 def take_request(state: RetargetingState, given: Request, now_ns: int) -> RetargetingState:
-    """The state after an operator's request; its outcome is `enabled`, `disabled` or `reset`."""
+    """The state after an operator's request; its outcome is its past participle."""
     waiting = state.motion is None
     if given.kind == "enable":
         mode = (Mode.WAITING if waiting else Mode.IDLE) if state.mode is Mode.DISABLED else state.mode
         return replace(state, mode=mode).ended("enabled")
+    if given.kind in ("hold", "release"):
+        held = given.kind == "hold"
+        # Whoever has their hand up when the robot is released has to raise it anew.
+        sight = state.sight.at_rest_here() if state.sight is not None and not held else state.sight
+        return replace(state, held=held, sight=sight).ended("held" if held else "released")
     state = replace(state, plan=None, ramp=None, unknown_since_ns=None, holding_since_ns=now_ns)
     if given.kind == "disable":
         return replace(state, mode=Mode.DISABLED).ended("disabled")

@@ -4,8 +4,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import Literal
 
-from mild_core.errors import SetupError
+from mild_core.errors import SetupError, unknown_name
+
+Mix = Literal["off", "blend", "only"]
+MIXES: tuple[Mix, ...] = ("off", "blend", "only")
+"""The learned motion alone, with the hands brought together, or no learned motion at all."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +32,15 @@ class RetargetingSettings:
         max_gap_s: After a longer time without a command the robot is taken to stand at its last command.
         displaced_rad: A measured joint further from its command than this is displaced ...
         displaced_after_s: ... when it is so for longer than this: moved by hand, blocked or switched off.
+        ik: Whether inverse kinematics brings the hands together: `off` follows the learned motion alone, `blend`
+            gives way to the person's hand where hands touch, `only` uses no learned motion.
+        keep_out_m: Distance kept from the person's head and trunk.
+        near_m: Nearer than this to the person's hand, head or trunk the robot's hand is near ...
+        near_speed_m_s: ... and moves no faster. Source: in the spirit of ISO/TS 15066, Annex A: a short impact on the
+            chest (2 x 140 N at 25 N/mm, 40 kg) by an arm of 5 kg is borne up to 0.84 m/s.
+        still_after_s: A raised hand that stays where it is for so long, far from the robot's, is at rest there.
+        interaction_s: Longest time to follow one interaction; then the robot goes home.
+        home_timeout_s: Longest time on the way home; then the robot holds, and tries again.
         start_enabled: Whether to follow before the first request.
 
     Raises:
@@ -46,13 +60,23 @@ class RetargetingSettings:
     max_gap_s: float = 0.3
     displaced_rad: float = 0.35
     displaced_after_s: float = 0.3
+    ik: Mix = "blend"
+    keep_out_m: float = 0.1
+    near_m: float = 0.3
+    near_speed_m_s: float = 0.8
+    still_after_s: float = 3.0
+    interaction_s: float = 60.0
+    home_timeout_s: float = 30.0
     start_enabled: bool = True
 
     def __post_init__(self) -> None:
+        if self.ik not in MIXES:
+            raise unknown_name("ik", self.ik, MIXES)
         may_be_zero = {"look_ahead_s", "unknown_after_s", "home_after_s", "position_margin_rad", "displaced_after_s"}
+        may_be_zero |= {"keep_out_m", "near_m"}
         for each in fields(self):
             value = getattr(self, each.name)
-            if each.name == "start_enabled":
+            if each.name in ("start_enabled", "ik"):
                 continue
             if not (0.0 <= value < 1e6) or (value == 0.0 and each.name not in may_be_zero):
                 floor = "at least" if each.name in may_be_zero else "above"

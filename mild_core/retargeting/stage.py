@@ -3,29 +3,36 @@
 
     MotionWindow, PersonPose, JointMeasurement, Request or a tick of the control clock -> JointCommand
 
-The robot is commanded from where it says it is. It follows the newest motion, read a little ahead of now because
-the limits make it lag. Without a usable motion it stops smoothly, waits, goes home slowly and is ready again; a
-motion that comes on the way is followed at once. A robot that is found far from its command for a while (moved by
-hand, blocked, switched off) is not pulled back: the command moves smoothly to where the robot is, and whatever
-follows ramps from there.
+The robot is commanded from where it says it is. Once the person raises the hand it follows the newest motion, read a
+little ahead of now because the limits make it lag, and brings the hands together where they are meant to touch. When
+the hand is back, or without a usable motion, it stops smoothly and goes home slowly; whoever starts on its way is
+followed at once. A motion into itself, into the person or too fast near them is refused. A robot that is found far
+from its command for a while (moved by hand, blocked, switched off) is not pulled back: the command moves smoothly to
+where the robot is, and whatever follows ramps from there.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
+from mild_core.retargeting.arm_following import ArmFollower, arm_follower
+from mild_core.retargeting.contact import Contact, stiffness
+from mild_core.retargeting.guard import NOBODY, Body, Guard, body_of
+from mild_core.retargeting.life import person_present, situation, with_rest
 from mild_core.retargeting.limiter import JointMotion, Joints, Limiter, NoPlanError
 from mild_core.retargeting.modes import Mode, next_mode
+from mild_core.retargeting.person import LOST_S, Standing
 from mild_core.retargeting.reception import take_measurement, take_motion, take_person, take_request
 from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.retargeting.state import Request, RetargetingState
-from mild_core.retargeting.target import Plan, ramp_onto
-from mild_core.retargeting.watchdog import after_gap, after_time_jump, fresh, known
+from mild_core.retargeting.target import Plan, Ramp, ramp_onto
+from mild_core.retargeting.watchdog import after_gap, after_time_jump, known
 from mild_core.shapes import FloatArray, read_only
-from mild_core.signals import JointCommand, JointMeasurement, MotionWindow, PersonPose
+from mild_core.signals import ARM_FRAME, JointCommand, JointMeasurement, MotionWindow, PersonPose
 
 __all__ = ["Mode", "Request", "Retargeting", "RetargetingInput", "RetargetingSettings", "RetargetingState"]
 
@@ -49,12 +56,17 @@ class Retargeting:
     Attributes:
         robot: What is commanded.
         settings: How.
+        standing: Where people stand, and in which interactions hands touch; None when nobody knows: then no hand is
+            met, and only people whom a calibrated camera sees are kept away from.
     """
 
     robot: RobotModel
     settings: RetargetingSettings = field(default_factory=RetargetingSettings)
+    standing: Standing | None = None
     _limiter: Limiter = field(init=False, repr=False)
     _slow: Limiter = field(init=False, repr=False)
+    _guard: Guard = field(init=False, repr=False)
+    _contact: Contact | None = field(init=False, repr=False)
     _lower: FloatArray = field(init=False, repr=False)
     _upper: FloatArray = field(init=False, repr=False)
     _home: Joints = field(init=False, repr=False)
@@ -68,6 +80,9 @@ class Retargeting:
         object.__setattr__(self, "_lower", robot.lower_rad + margin)
         object.__setattr__(self, "_upper", robot.upper_rad - margin)
         object.__setattr__(self, "_home", self._inside(robot.home_rad))
+        object.__setattr__(self, "_guard", Guard(robot, self.settings))
+        touches = self.settings.ik != "off" and self.standing is not None
+        object.__setattr__(self, "_contact", Contact(robot, self.settings.ik, margin) if touches else None)
 
     def init(self) -> RetargetingState:
         """The state before the first input."""
@@ -90,7 +105,8 @@ class Retargeting:
             return take_person(state, given, self.settings, now_ns), ()
         if isinstance(given, JointMeasurement):
             return take_measurement(state, given, self.robot, self.settings, now_ns), ()
-        return take_request(state, given, now_ns), ()
+        state = take_request(state, given, now_ns)
+        return self._command(state, now_ns) if given.kind == "hold" else (state, ())
 
     def _command(self, state: RetargetingState, now_ns: int) -> _Stepped:
         state = state.with_sight(now_ns)
@@ -103,60 +119,112 @@ class Retargeting:
         if elapsed_s > self.settings.max_gap_s:
             state, elapsed_s = after_gap(state, motion, now_ns), 0.0
             motion = state.motion or motion
-        state = self._in_next_mode(state, motion, now_ns)
+        state = self._in_next_mode(with_rest(state, self.settings, now_ns), motion, now_ns)
         try:
-            motion = self._advanced(state, motion, now_ns, elapsed_s)
+            state, motion = self._advanced(state, motion, now_ns, elapsed_s)
         except NoPlanError:
             motion = JointMotion.at_rest(motion.position_rad)
             state = state.counted("no_plan")
-        return replace(state, motion=motion, commanded_ns=now_ns), (
+        return replace(state, motion=motion, commanded_ns=now_ns, had_plan=state.plan is not None), (
             JointCommand(
                 stamp_ns=now_ns,
                 joint_names=self.robot.joint_names,
                 positions_rad=read_only(motion.position_rad),
                 velocities_rad_s=read_only(motion.velocity_rad_s),
                 mode=state.mode.value,
+                stiffness=stiffness(state.touch),
                 motion_stamp_ns=state.plan.stamp_ns if state.plan is not None and state.mode is Mode.FOLLOWING else 0,
             ),
         )
 
     def _in_next_mode(self, state: RetargetingState, motion: JointMotion, now_ns: int) -> RetargetingState:
-        settings = self.settings
-        is_known, is_fresh = known(state, settings, now_ns), fresh(state, settings, now_ns)
-        held_s = (now_ns - state.holding_since_ns) * 1e-9
-        mode = next_mode(
-            state.mode,
-            usable=is_known and is_fresh,
-            displaced=state.displaced,
-            patience_over=held_s >= settings.home_after_s and motion.resting,
-            at_home=state.mode is Mode.RETURNING and self._at_home(motion),
-        )
+        settings, resting = self.settings, motion.resting
+        given = situation(state, settings, now_ns, resting=resting, at_home=resting and self._at_home(motion))
+        mode = next_mode(state.mode, given)
         if mode is state.mode:
             return state
+        state = replace(state, since_ns=now_ns, touch=None, target_rad=None)
         if mode is Mode.FOLLOWING and state.plan is not None:
-            start_rad, target_rad = self._limiter.resting_place(motion), self._wanted(state.plan, now_ns)
+            start_rad, target_rad = self._limiter.resting_place(motion), self._wanted(state.plan, motion, now_ns)
             ramp = ramp_onto(target_rad, start_rad, settings.ramp_velocity_rad_s, now_ns)
             return replace(state, mode=mode, ramp=ramp)
-        if mode is Mode.HOLDING and not state.displaced:
-            state = state.counted("held_stale" if is_known else "held_unknown")
-        return replace(state, mode=mode, plan=None, ramp=None, holding_since_ns=now_ns)
+        if mode is Mode.HOLDING and not state.displaced and state.mode is Mode.FOLLOWING:
+            state = state.counted("held_stale" if known(state, settings, now_ns) else "held_unknown")
+        # A plan outlives a pause that the person made, for them to go on at once.
+        plan = state.plan if given.usable else None
+        return replace(state, mode=mode, plan=plan, ramp=None, holding_since_ns=now_ns)
 
-    def _advanced(self, state: RetargetingState, motion: JointMotion, now_ns: int, elapsed_s: float) -> JointMotion:
+    def _advanced(
+        self, state: RetargetingState, motion: JointMotion, now_ns: int, elapsed_s: float
+    ) -> tuple[RetargetingState, JointMotion]:
+        """The state and the motion after a step, or after the first step of a stop where the wanted one is refused."""
+        body = self._body(state, now_ns)
         if state.mode is Mode.FOLLOWING and state.plan is not None and state.ramp is not None:
-            target = state.ramp.blend(self._wanted(state.plan, now_ns), now_ns)
-            return self._limiter.toward(motion, tuple(target.tolist()), elapsed_s)
-        if state.mode is Mode.HOLDING and state.displaced:
-            return self._limiter.toward(motion, self._inside(np.array(state.measured_rad)), elapsed_s)
-        if state.mode is Mode.RETURNING:
-            return self._slow.toward(motion, self._home, elapsed_s)
-        return self._limiter.stop(motion, elapsed_s)
+            state, target_rad = self._target(state, state.plan, state.ramp, motion, body, now_ns, elapsed_s)
+            wanted = self._limiter.toward(motion, target_rad, elapsed_s)
+        elif state.mode is Mode.HOLDING and state.displaced:
+            wanted = self._limiter.toward(motion, self._inside(np.array(state.measured_rad)), elapsed_s)
+        elif state.mode is Mode.RETURNING:
+            wanted = self._slow.toward(motion, self._home, elapsed_s)
+        else:
+            return state, self._limiter.stop(motion, elapsed_s)
+        if wanted.resting and wanted.position_rad == motion.position_rad:
+            return state, wanted
+        refusal, near_m = self._guard.judged(motion, self._limiter.stop_path(wanted), body)
+        state = replace(state, near_m=near_m)
+        if refusal:
+            return replace(state, target_rad=None).counted(refusal), self._limiter.stop(motion, elapsed_s)
+        return state, wanted
+
+    def _target(
+        self,
+        state: RetargetingState,
+        plan: Plan,
+        ramp: Ramp,
+        motion: JointMotion,
+        body: Body,
+        now_ns: int,
+        elapsed_s: float,
+    ) -> tuple[RetargetingState, Joints]:
+        """Where the joints are sent while following: as learned, hands brought together, no faster than allowed."""
+        target = ramp.blend(self._wanted(plan, motion, now_ns), now_ns)
+        touch = None
+        if self._contact is not None and self.standing is not None:
+            touches = plan.interaction in self.standing.by_interaction and np.isfinite(body.hand_m).all()
+            hand_m = body.hand_m if touches else None
+            target, touch = self._contact.aim(target, plan.covariance, hand_m, state.touch, elapsed_s)
+            target = np.minimum(np.maximum(target, self._lower), self._upper)
+        from_rad = np.array(motion.position_rad if state.target_rad is None else state.target_rad)
+        target = self._guard.paced(from_rad, target, state.near_m, elapsed_s)
+        target_rad = tuple(target.tolist())
+        return replace(state, touch=touch, target_rad=target_rad), target_rad
+
+    def _body(self, state: RetargetingState, now_ns: int) -> Body:
+        """The person where they will be when this command has been carried out; nobody if that is not known."""
+        sight, settings = state.sight, self.settings
+        if sight is None or not person_present(state, settings, now_ns):
+            return NOBODY
+        if sight.frame_id == ARM_FRAME and self.standing is None:
+            return NOBODY
+        seen = (now_ns - sight.hand_ns) * 1e-9 <= LOST_S
+        hand = sight.hand_at(now_ns + round(settings.look_ahead_s * 1e9)) if seen else np.full(3, np.nan)
+        points = np.stack([hand, *sight.body_m])
+        if self.standing is not None:
+            points = self.standing.placed(points, sight.frame_id, state.plan.interaction if state.plan else "")
+        return body_of(points[0], points[1:])
 
     def _at_home(self, motion: JointMotion) -> bool:
         away_rad = max(abs(now - home) for now, home in zip(motion.position_rad, self._home, strict=True))
         return motion.resting and away_rad < AT_HOME_RAD
 
-    def _wanted(self, plan: Plan, now_ns: int) -> FloatArray:
+    @cached_property
+    def _arm(self) -> ArmFollower:
+        return arm_follower(self.robot)
+
+    def _wanted(self, plan: Plan, motion: JointMotion, now_ns: int) -> FloatArray:
         target = plan.at(now_ns + round(self.settings.look_ahead_s * 1e9))
+        if target.ndim == 2:
+            target = np.array(self._arm.joints(target, motion.position_rad))
         wanted: FloatArray = np.minimum(np.maximum(target, self._lower), self._upper)
         return wanted
 

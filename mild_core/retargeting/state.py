@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from mild_core.retargeting.contact import Touch
 from mild_core.retargeting.limiter import JointMotion, Joints
 from mild_core.retargeting.modes import Mode
 from mild_core.retargeting.person import Sight, seen_again
@@ -20,10 +22,10 @@ class Request:
 
     Attributes:
         kind: `enable` follows motions; `disable` stops smoothly, then sends nothing; `reset` forgets the motion,
-            stops smoothly and goes home.
+            stops smoothly and goes home; `hold` stops smoothly at once and stays until `release`.
     """
 
-    kind: Literal["enable", "disable", "reset"]
+    kind: Literal["enable", "disable", "reset", "hold", "release"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,10 +33,13 @@ class RetargetingState:
     """Where the robot is told to be, why, and what has happened so far.
 
     Attributes:
-        mode: What it is doing.
+        mode: What it is doing ...
+        since_ns: ... and since when.
+        held: Whether the operator holds the robot.
         motion: The newest command with its acceleration; None before the first measurement.
         commanded_ns: When that command was sent; None before the first.
         plan: The newest usable motion; None when there is nothing to follow.
+        had_plan: Whether there was one at the command before.
         ramp: The way onto the plan; set while following.
         unknown_since_ns: When the model ceased to know what the person does; None while it knows.
         holding_since_ns: When holding began.
@@ -44,14 +49,20 @@ class RetargetingState:
         person: The newest pose of the person ...
         person_ns: ... and when it came.
         sight: What is known of the person from all poses before that one.
+        touch: How far the hands have been brought together; None when they are not.
+        target_rad: Where the joints were last sent while following: J positions; None at the start.
+        near_m: How near the robot's hand was to the person at the newest command that moves.
         counts: Events by reason since the start.
         outcome: What became of the newest input: a key of `counts`.
     """
 
     mode: Mode = Mode.WAITING
+    since_ns: int = 0
+    held: bool = False
     motion: JointMotion | None = None
     commanded_ns: int | None = None
     plan: Plan | None = None
+    had_plan: bool = False
     ramp: Ramp | None = None
     unknown_since_ns: int | None = None
     holding_since_ns: int = 0
@@ -61,6 +72,9 @@ class RetargetingState:
     person: PersonPose | None = None
     person_ns: int = 0
     sight: Sight | None = None
+    touch: Touch | None = None
+    target_rad: Joints | None = None
+    near_m: float = math.inf
     counts: Mapping[str, int] = field(default_factory=dict)
     outcome: str = ""
 

@@ -9,8 +9,9 @@ import numpy as np
 
 from mild_core.errors import DataError
 from mild_core.retargeting.limiter import Joints
+from mild_core.retargeting.robot import RobotModel
 from mild_core.shapes import FloatArray
-from mild_core.signals import MotionWindow
+from mild_core.signals import ARM_JOINTS, MotionWindow
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,48 +23,55 @@ class Plan:
         received_ns: When it came.
         start_ns: Time of row 0.
         period_ns: Time between rows.
-        rows_rad: (W, J) in the robot's joint order.
+        rows: (W, J) positions in the robot's joint order [rad], or (W, 3, 3) a partner's shoulder, elbow and hand [m].
+        interaction: What it is about.
+        covariance: Of the window's joint angles [rad^2], or of the partner's joints [m^2].
     """
 
     stamp_ns: int
     received_ns: int
     start_ns: int
     period_ns: int
-    rows_rad: FloatArray
+    rows: FloatArray
+    interaction: str
+    covariance: FloatArray
 
     def at(self, time_ns: int) -> FloatArray:
-        """(J,) positions [rad] at `time_ns`, linear between rows; before the first or after the last row that row."""
-        last = len(self.rows_rad) - 1
+        """(J,) or (3, 3) at `time_ns`, linear between rows; before the first or after the last row that row."""
+        last = len(self.rows) - 1
         row, rest_ns = divmod(time_ns - self.start_ns, self.period_ns)
         if row < 0 or row >= last:
-            end: FloatArray = self.rows_rad[0 if row < 0 else last]
+            end: FloatArray = self.rows[0 if row < 0 else last]
             return end
-        before, after = self.rows_rad[row], self.rows_rad[row + 1]
+        before, after = self.rows[row], self.rows[row + 1]
         between: FloatArray = before + (after - before) * (rest_ns / self.period_ns)
         return between
 
 
-def checked_plan(motion: MotionWindow, joint_names: tuple[str, ...], now_ns: int) -> Plan:
-    """The plan that `motion` makes for the robot's joints.
+def checked_plan(motion: MotionWindow, robot: RobotModel, now_ns: int) -> Plan:
+    """The plan that `motion` makes for the robot.
 
     Args:
-        motion: From inference or from another machine: nothing in it is trusted.
-        joint_names: J names in the robot's order; the window may give them in another.
+        motion: From inference or from another machine: nothing in it is trusted. It may give joints in any order.
+        robot: Who shall follow.
         now_ns: When it came.
 
     Raises:
         DataError: `wrong_joints`, `wrong_shape` or `not_finite`.
     """
-    if sorted(motion.joint_names) != sorted(joint_names):
-        raise DataError("wrong_joints", f"got {motion.joint_names}, expected {joint_names}")
-    if motion.positions.ndim != 2 or len(motion.positions) == 0 or motion.period_ns <= 0:
+    names, is_arm = motion.joint_names, motion.positions.ndim == 3
+    fits = names == ARM_JOINTS and robot.follows_arms if is_arm else sorted(names) == sorted(robot.joint_names)
+    if not fits:
+        raise DataError("wrong_joints", f"got {names}, expected {ARM_JOINTS if is_arm else robot.joint_names}")
+    if len(motion.positions) == 0 or motion.period_ns <= 0:
         raise DataError("wrong_shape", f"positions {motion.positions.shape} every {motion.period_ns} ns")
     if not (np.isfinite(motion.positions).all() and np.isfinite(motion.out_of_distribution)):
         raise DataError("not_finite", "a position or the out-of-distribution score is NaN or infinite")
     rows = motion.positions
-    if motion.joint_names != joint_names:
-        rows = rows[:, [motion.joint_names.index(name) for name in joint_names]]
-    return Plan(motion.stamp_ns, now_ns, motion.stamp_ns + motion.lead_ns, motion.period_ns, rows)
+    if not is_arm and names != robot.joint_names:
+        rows = rows[:, [names.index(name) for name in robot.joint_names]]
+    start_ns = motion.stamp_ns + motion.lead_ns
+    return Plan(motion.stamp_ns, now_ns, start_ns, motion.period_ns, rows, motion.interaction, motion.covariance)
 
 
 @dataclass(frozen=True)

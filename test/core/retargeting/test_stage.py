@@ -123,7 +123,7 @@ def _not_finite(row: int) -> FloatArray:
         ("wrong_joints", np.tile(AWAY[:6], (40, 1)), {"joint_names": YUMI.joint_names[:6]}),
         ("wrong_joints", np.tile(AWAY, (40, 1)), {"joint_names": (*YUMI.joint_names[:6], "yumi_joint_6_l")}),
         ("wrong_joints", np.tile(AWAY, (40, 1)), {"joint_names": (*YUMI.joint_names[:6], "yumi_joint_1_r")}),
-        ("wrong_shape", np.zeros((40, 7, 3)), {}),
+        ("wrong_joints", np.zeros((40, 7, 3)), {}),
         ("too_old", np.tile(AWAY, (40, 1)), {"stamp_ns": START_NS - 2 * SECOND_NS}),
         ("from_future", np.tile(AWAY, (40, 1)), {"stamp_ns": START_NS + 5 * SECOND_NS}),
         ("out_of_order", np.tile(AWAY, (40, 1)), {"stamp_ns": START_NS + 4 * TICK_NS}),

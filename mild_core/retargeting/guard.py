@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which motions are refused: into the robot itself, into the person's head or trunk, or too fast near the person.
+
+A motion is taken only if the stop that it would need is harmless all the way. A refused one is answered by stopping
+from where the robot is, along a way that was found harmless before, so only a person who moves can bring about what
+the rules forbid; then every motion that makes it worse is refused and every one that leads out of it is taken.
+
+No certified safety function: it trusts a camera, an estimate and this computer.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mild_core.retargeting.capsules import Capsules, capsules_of
+from mild_core.retargeting.chain import Chain, chain_of
+from mild_core.retargeting.clearance import look
+from mild_core.retargeting.limiter import JointMotion
+from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.settings import RetargetingSettings
+from mild_core.shapes import FloatArray
+
+APART_M = 0.02
+"""Parts of the robot stay this far apart: what stopping and a controller's tracking error may take from it."""
+
+HEAD_RADIUS_M, TRUNK_RADIUS_M = 0.12, 0.17
+"""Of an adult. Source: 95th percentiles of head length and chest depth, DIN 33402-2."""
+
+WORSE_M = 1e-6
+"""Less than this is not worse: rounding."""
+
+PACE, SLOWING_M = 0.85, 0.1
+"""Targets move at this share of the speed that is allowed, from so far outside of where it is: a robot that lags
+behind overshoots."""
+
+SELF, PERSON, NEAR, SPEED = range(4)
+"""Columns of what is seen at a pose: clearance to itself and to head and trunk, distance to head, trunk and hand,
+all less what has to be kept [m]; and the speed of the tool [m/s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """The person as the robot has to respect them, in its base frame.
+
+    Attributes:
+        hand_m: (3,) the hand that may be touched; NaN when it is not known.
+        capsules_m: (2, 3, 3) head and trunk: ends and middle; NaN where unknown.
+    """
+
+    hand_m: FloatArray
+    capsules_m: FloatArray
+
+
+SIZES_M = np.array([[HEAD_RADIUS_M, 0.0], [TRUNK_RADIUS_M, 0.3]])
+"""Radius and half length of head and trunk; half the length of a trunk bounds that of everyone."""
+
+NOBODY = Body(np.full(3, np.nan), np.full((2, 3, 3), np.nan))
+
+
+def body_of(hand_m: FloatArray, trunk_m: FloatArray) -> Body:
+    """The body of a person.
+
+    Args:
+        hand_m: (3,) the hand.
+        trunk_m: (3, 3) head, middle of the shoulders and of the hips.
+    """
+    head, shoulders, hips = trunk_m
+    return Body(hand_m, np.stack([[head, head, head], [shoulders, hips, (shoulders + hips) / 2.0]]))
+
+
+@dataclass(frozen=True, eq=False)
+class Guard:
+    """The judge of motions of one robot.
+
+    Attributes:
+        robot: Whose motions.
+        settings: How far and how fast.
+    """
+
+    robot: RobotModel
+    settings: RetargetingSettings
+    chain: Chain = field(init=False, repr=False)
+    _capsules: Capsules = field(init=False, repr=False)
+    _meetings: FloatArray = field(init=False, repr=False)
+    _keep: FloatArray = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        chain, capsules = chain_of(self.robot), capsules_of(self.robot)
+        meetings = np.array([(part, other) for part in capsules.moving for other in (0.0, 1.0)])
+        object.__setattr__(self, "chain", chain)
+        object.__setattr__(self, "_capsules", capsules)
+        object.__setattr__(self, "_meetings", meetings)
+        object.__setattr__(self, "_keep", np.array([APART_M, self.settings.keep_out_m]))
+
+    def seen(self, motions: Sequence[JointMotion], body: Body) -> FloatArray:
+        """(S, 4) what is seen at each of S motions; columns as said above."""
+        chain, capsules = self.chain, self._capsules
+        positions = np.array([motion.position_rad for motion in motions])
+        velocities = np.array([motion.velocity_rad_s for motion in motions])
+        return look(
+            *(positions, velocities, chain.columns, chain.offsets, chain.axes, chain.tool_m),
+            *(capsules.mounted, capsules.ends_m, capsules.sizes_m, capsules.pairs),
+            *(self._meetings, body.capsules_m, SIZES_M, body.hand_m, self._keep),
+        )
+
+    def judged(self, now: JointMotion, stop: Sequence[JointMotion], body: Body) -> tuple[str, float]:
+        """Why a motion is refused, as a word to count, "" when it is not; and how near the person the robot is [m].
+
+        Args:
+            now: Where the robot is.
+            stop: The motion after the next step, and some of its stop, to the end.
+            body: The person.
+        """
+        here, *ahead = self.seen((now, *stop), body).tolist()
+        for there in ahead:
+            if there[SELF] < min(0.0, here[SELF] - WORSE_M):
+                return "refused_self_collision", here[NEAR]
+            if there[PERSON] < min(0.0, here[PERSON] - WORSE_M):
+                return "refused_keep_out", here[NEAR]
+            if there[NEAR] < self.settings.near_m and there[SPEED] > self.settings.near_speed_m_s:
+                return "refused_speed", here[NEAR]
+        return "", here[NEAR]
+
+    def paced(self, from_rad: FloatArray, to_rad: FloatArray, near_m: float, elapsed_s: float) -> FloatArray:
+        """(J,) as far from one target towards the next as the hand may go near the person, so that nothing is refused.
+
+        Args:
+            from_rad: (J,) the target before.
+            to_rad: (J,) the one that is wanted.
+            near_m: How near the person the robot is.
+            elapsed_s: Time between both.
+        """
+        if near_m > self.settings.near_m + SLOWING_M:
+            return to_rad
+        way_m = math.dist(self.chain.tool(from_rad), self.chain.tool(to_rad))
+        most_m = PACE * self.settings.near_speed_m_s * elapsed_s
+        paced: FloatArray = to_rad if way_m <= most_m else from_rad + (to_rad - from_rad) * (most_m / way_m)
+        return paced

@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How near the hands come: recorded trials and generated bags through the pipeline into the simulated robot.
+
+`python -m test.bench.contact [--data FOLDER] [--every N] [--ik blend off only]` prints, for each interaction in which
+hands touch, the distance of the person's true hand and the simulated robot's while they are to touch and the person's
+is within reach, and how far the motion before the approach is from the learned one. The trials were trained on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mild_core.learning.contact import hand_of, touching
+from mild_core.learning.datasets.buetepage_hr import BUETEPAGE_HR
+from mild_core.pipeline import Pipeline
+from mild_core.retargeting.chain import chain_of
+from mild_core.retargeting.inverse_kinematics import InverseKinematics, Reach
+from mild_core.retargeting.robots import ROBOTS
+from mild_core.shapes import FloatArray
+from mild_core.signals import JointMeasurement
+from mild_ros.assembly.inference import load
+from mild_ros.assembly.pipeline import make_pipeline
+from mild_ros.scenes import RATE_HZ, SCENES, arm_track
+from mild_ros.settings import PipelineParameters
+from mild_ros.simulation.bullet import BulletRobot
+from mild_ros.simulation.person import bodies, skeleton_frames, with_neutral_second
+
+TICK_NS = 10_000_000
+START_NS = 1_700_000_000_000_000_000
+REACHED_M = 0.005
+"""A hand within this of where the robot's can be is within reach."""
+
+APPROACH_M = 0.35
+"""Before the learned hand has come so near the person's, the motion is the learned one."""
+
+ROBOT = ROBOTS["yumi"]
+
+
+@dataclass(frozen=True, eq=False)
+class Episode:
+    """One interaction, 100 times a second.
+
+    Attributes:
+        joints_rad: (T, J) commanded.
+        simulated_m: (T, 3) the simulated robot's hand.
+        hand_m: (T, 3) the person's true hand in the robot's base frame.
+        step_ms: (T,) CPU time of the pipeline's ticks.
+        refused: Ticks at which a motion was refused.
+    """
+
+    joints_rad: FloatArray
+    simulated_m: FloatArray
+    hand_m: FloatArray
+    step_ms: FloatArray
+    refused: int
+
+
+def play(pipeline: Pipeline, arm_m: FloatArray, rate_hz: float, interaction: str) -> Episode:
+    """Let a person with this arm (T, 3, 3) interact with the simulated robot."""
+    standing, chain = pipeline.retargeting.standing, chain_of(ROBOT)
+    assert standing is not None
+    body = bodies(with_neutral_second(arm_m, rate_hz, 1.2))
+    true = hand_of(with_neutral_second(arm_m, rate_hz, 1.2), (0.29, 0.335))
+    true = standing.placed(true - with_neutral_second(arm_m, rate_hz, 1.2)[0, 0], "arm", interaction)
+    frames = list(skeleton_frames(body, rate_hz, START_NS))
+    state, next_frame = pipeline.init(), 0
+    state, _ = pipeline.step(state, JointMeasurement(START_NS, ROBOT.joint_names, ROBOT.home_rad), START_NS)
+    joints, simulated, hands, times = [], [], [], []
+    with BulletRobot(ROBOT) as robot:
+        for now_ns in range(START_NS, frames[-1].stamp_ns, TICK_NS):
+            started = time.thread_time()
+            state, output = pipeline.step(state, None, now_ns)
+            times.append((time.thread_time() - started) * 1e3)
+            command = output.commands[-1]
+            while next_frame < len(frames) and frames[next_frame].stamp_ns <= now_ns + TICK_NS // 2:
+                state, _ = pipeline.step(state, (frames[next_frame],), max(now_ns, frames[next_frame].stamp_ns))
+                next_frame += 1
+            where = (now_ns - START_NS) * 1e-9 * rate_hz
+            hands.append([np.interp(where, np.arange(len(true)), column) for column in true.T])
+            joints.append(command.positions_rad)
+            simulated.append(chain.tool(robot.measure(now_ns).positions_rad[: len(ROBOT.joint_names)]))
+            robot.stiffen(command.stiffness)
+            robot.step(command, TICK_NS * 1e-9)
+    refused = sum(count for reason, count in state.retargeting.counts.items() if reason.startswith("refused"))
+    return Episode(np.array(joints), np.array(simulated), np.array(hands), np.array(times), refused)
+
+
+def reachable(hands_m: FloatArray) -> FloatArray:
+    """(T,) whether the robot's hand can be there, as far as descent from home finds it."""
+    solver, chain = InverseKinematics(ROBOT, (ROBOT.tool_link,), 0.01), chain_of(ROBOT)
+    found, joints = [], np.array(ROBOT.home_rad)
+    for hand in hands_m:
+        joints = solver.step(joints, [Reach(ROBOT.tool_link, hand)], ROBOT.home_rad, steps=3)
+        found.append(np.linalg.norm(chain.tool(joints) - hand) < REACHED_M)
+    return np.array(found)
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--data", type=Path, default=Path(os.environ.get("MILD_DATA", "../shared/data")))
+    parser.add_argument("--every", type=int, default=1)
+    parser.add_argument("--ik", nargs="+", default=["off", "blend", "only"])
+    chosen = parser.parse_args()
+    arms = [(scene.name, "bag", arm_track(scene), RATE_HZ) for scene in SCENES]
+    if (chosen.data / BUETEPAGE_HR.file).exists():
+        trials = BUETEPAGE_HR.read(chosen.data / BUETEPAGE_HR.file).train[:: chosen.every]
+        arms += [(trial.interaction, "trial", trial.observed_m, trial.rate_hz) for trial in trials]
+    model = load(PipelineParameters().model)
+    print("interaction source ik     frames  median cm  p90 cm  before deg  tick ms  refused")
+    for name in model.manifest.robot_from_human.by_interaction:
+        for source in ("bag", "trial"):
+            chosen_arms = [(arm, rate) for other, of, arm, rate in arms if (other, of) == (name, source)]
+            learned: list[Episode] = []
+            for mix in chosen.ik:
+                pipeline = make_pipeline(PipelineParameters(ik=mix), model)
+                episodes = [play(pipeline, arm, rate, name) for arm, rate in chosen_arms]
+                learned = learned or episodes
+                if episodes:
+                    print(f"{name:11} {source:6} {mix:6} " + _summary(episodes, learned))
+
+
+def _summary(episodes: list[Episode], learned: list[Episode]) -> str:
+    apart, before, times = [], [], []
+    for episode, other in zip(episodes, learned, strict=True):
+        touch = touching(episode.hand_m)
+        places = np.flatnonzero(touch)
+        within = places[reachable(episode.hand_m[places])]
+        apart.append(np.linalg.norm(episode.simulated_m - episode.hand_m, axis=1)[within])
+        nearing = np.linalg.norm(other.simulated_m - other.hand_m, axis=1) < APPROACH_M
+        first = int(np.argmax(nearing)) if nearing.any() else len(nearing)
+        before.append(np.rad2deg(np.abs(episode.joints_rad - other.joints_rad)[:first].max()))
+        times.append(episode.step_ms)
+    every = np.concatenate(apart) * 100
+    middle, most = np.percentile(every, [50, 90]) if len(every) else (np.nan, np.nan)
+    typical = np.median(np.concatenate(times))
+    refused = sum(episode.refused for episode in episodes)
+    return f"{len(every):6}  {middle:9.2f}  {most:6.2f}  {max(before):10.2f}  {typical:7.3f}  {refused:7}"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The life of an interaction: ready, somebody starts, the hands meet, it ends, home, ready again; and the emergency."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mild_core.retargeting.chain import chain_of
+from mild_core.retargeting.guard import NOBODY, Guard, body_of
+from mild_core.retargeting.limiter import JointMotion
+from mild_core.retargeting.person import Standing
+from mild_core.retargeting.robots.yumi import YUMI
+from mild_core.retargeting.stage import Request, Retargeting, RetargetingSettings
+from mild_core.shapes import FloatArray
+from mild_core.signals import ARM_FRAME, PersonPose
+from test.core.retargeting.limits import check_limits
+from test.core.retargeting.perfect import TICK_NS, window
+from test.core.retargeting.run import AWAY, SECOND_NS, Run
+
+STANDING = Standing((0.9, 0.1, 0.7), np.pi, {"handshake": (0.9, 0.1, 0.7)})
+REST_M = np.array([0.05, 0.0, -0.6])
+"""Where the hand hangs, from the person's own shoulder."""
+
+BODY_M = np.array([[0.0, 0.2, 0.2], [0.0, 0.2, 0.0], [0.0, 0.2, -0.5]])
+TOOL_M = chain_of(YUMI).tool(AWAY)
+MEETING_M = (np.array([0.9, 0.1, 0.7]) - TOOL_M) * [1, 1, -1]
+"""Where the person's hand is, in the arm frame, when it is where the robot's comes by what it has learned."""
+
+
+class Meeting(Run):
+    """A retargeting with a person before the robot."""
+
+    def __init__(self, settings: RetargetingSettings | None = None) -> None:
+        super().__init__(settings)
+        self.retargeting = Retargeting(YUMI, self.retargeting.settings, STANDING)
+
+    def meet(
+        self, seconds: float, hand_m: FloatArray, motion_rad: FloatArray = YUMI.home_rad, interaction: str = "handshake"
+    ) -> None:
+        """Time passes with the hand there, seen 30 times a second, and a motion to follow."""
+        for tick in range(round(seconds * SECOND_NS / TICK_NS)):
+            self.now_ns += TICK_NS
+            if tick % 3 == 0:
+                self.give(PersonPose(self.now_ns, ARM_FRAME, hand_m, BODY_M[0], BODY_M[1:]))
+                self.give(window(np.tile(motion_rad, (40, 1)), self.now_ns, interaction=interaction))
+            self.give(None)
+
+    def modes(self) -> list[str]:
+        """What happened, each once in a row."""
+        words = [command.mode for command in self.commands]
+        return [word for place, word in enumerate(words) if place == 0 or words[place - 1] != word]
+
+    def apart_m(self, hand_m: FloatArray) -> float:
+        """Between the commanded hand and the person's."""
+        hand = STANDING.placed(hand_m, ARM_FRAME, "handshake")
+        return float(np.linalg.norm(chain_of(YUMI).tool(self.last.positions_rad) - hand))
+
+
+def test_two_interactions_in_a_row_go_through_every_mode() -> None:
+    run = Meeting()
+    for _ in range(2):
+        run.meet(0.5, REST_M)
+        run.meet(2.0, MEETING_M, AWAY)
+        run.meet(4.0, REST_M)
+    assert run.modes() == ["idle", "ready", *["following", "returning", "ready"] * 2]
+    check_limits(YUMI, run.commands)
+
+
+def test_the_robot_stays_at_home_while_nobody_starts() -> None:
+    run = Meeting()
+    run.meet(2.0, REST_M, AWAY)
+    assert run.last.mode == "ready"
+    np.testing.assert_allclose(run.last.positions_rad, YUMI.home_rad, atol=1e-9)
+
+
+def test_hands_meet_where_the_person_holds_theirs_and_the_arm_is_soft_then() -> None:
+    hand_m = MEETING_M + np.array([0.05, -0.05, 0.04])  # 8 cm from where the model expects it
+    run, learned = Meeting(), Meeting(RetargetingSettings(ik="off"))
+    for each in (run, learned):
+        each.meet(0.5, REST_M)
+        each.meet(3.0, hand_m, AWAY)
+    assert run.apart_m(hand_m) < 0.01
+    assert learned.apart_m(hand_m) == pytest.approx(0.081, abs=0.005)
+    assert run.last.stiffness < 0.5
+    assert learned.last.stiffness == 1.0
+    check_limits(YUMI, run.commands)
+
+
+def test_no_hand_is_met_in_an_interaction_without_touch() -> None:
+    run = Meeting()
+    run.meet(0.5, REST_M, interaction="hand_wave")
+    run.meet(2.0, MEETING_M + 0.05, AWAY, interaction="hand_wave")
+    np.testing.assert_allclose(run.last.positions_rad, AWAY, atol=1e-3)
+
+
+def test_without_learned_motion_the_hand_is_reached_for_when_it_is_within_reach() -> None:
+    run = Meeting(RetargetingSettings(ik="only"))
+    run.meet(0.5, REST_M)
+    run.meet(3.0, MEETING_M)
+    assert run.apart_m(MEETING_M) < 0.02
+
+
+def test_a_hold_stops_at_once_stays_and_goes_home_when_released() -> None:
+    run = Meeting()
+    run.meet(0.5, REST_M)
+    run.meet(0.6, MEETING_M, AWAY)
+    run.now_ns += TICK_NS // 2
+    assert run.give(Request("hold")) == "held"
+    assert run.last.mode == "held"
+    assert run.last.stamp_ns == run.now_ns, "not only at the next tick"
+    run.meet(2.0, MEETING_M, AWAY)
+    assert run.last.mode == "held"
+    assert not run.last.velocities_rad_s.any()
+    run.meet(1.0, REST_M)
+    run.give(Request("release"))
+    run.meet(5.0, REST_M)
+    assert run.modes()[-3:] == ["holding", "returning", "ready"]
+    check_limits(YUMI, run.commands)
+
+
+def test_a_hand_that_stays_up_far_away_is_at_rest_there_and_an_interaction_without_end_ends() -> None:
+    run = Meeting()
+    run.meet(0.5, REST_M)
+    run.meet(5.0, REST_M + np.array([0.0, 0.0, 0.4]), AWAY)
+    assert run.state.counts["ended_still"] == 1
+    assert run.last.mode != "following"
+    run = Meeting(RetargetingSettings(interaction_s=1.0))
+    run.meet(0.5, REST_M)
+    run.meet(2.0, MEETING_M, AWAY)
+    assert run.state.counts["ended_too_long"] == 1
+
+
+def test_the_robot_keeps_out_of_the_head_and_is_slow_near_the_person() -> None:
+    guard = Guard(YUMI, RetargetingSettings())
+    run = Meeting()
+    run.meet(0.5, REST_M)
+    head_in_the_way = np.array([MEETING_M, BODY_M[1], BODY_M[2]])
+    for tick in range(200):
+        run.now_ns += TICK_NS
+        if tick % 3 == 0:
+            run.give(PersonPose(run.now_ns, ARM_FRAME, MEETING_M, head_in_the_way[0], BODY_M[1:]))
+            run.give(window(np.tile(AWAY, (40, 1)), run.now_ns))
+        run.give(None)
+    body = body_of(np.full(3, np.nan), STANDING.placed(head_in_the_way, ARM_FRAME, "handshake"))
+    motions = [
+        JointMotion(tuple(command.positions_rad), tuple(command.velocities_rad_s), (0.0,) * 7)
+        for command in run.commands
+    ]
+    seen = guard.seen(motions, body)
+    assert seen[:, 1].min() > -0.005  # what the three looks at a stop may miss
+    assert run.state.counts["refused_keep_out"] > 0
+    near = seen[:, 2] < run.retargeting.settings.near_m
+    assert seen[near, 3].max() <= run.retargeting.settings.near_speed_m_s + 0.02  # likewise
+
+
+def test_a_motion_into_the_robots_own_body_is_refused_and_one_out_of_it_taken() -> None:
+    inside = np.array(YUMI.home_rad)
+    inside[1], inside[2] = -2.2, -2.46  # the upper arm folds back until the forearm meets the trunk
+    guard = Guard(YUMI, RetargetingSettings())
+    clear = [
+        guard.seen([JointMotion.at_rest(tuple(YUMI.home_rad + s * (inside - YUMI.home_rad)))], NOBODY)[0, 0]
+        for s in np.linspace(0.0, 1.0, 21)
+    ]
+    assert min(clear) < -0.01, "the way there does collide"
+    run = Run()
+    run.wait(3.0, inside)
+    seen = guard.seen([JointMotion.at_rest(tuple(command.positions_rad)) for command in run.commands], NOBODY)
+    assert seen[:, 0].min() > -0.005
+    assert run.state.counts["refused_self_collision"] > 0
+    run.wait(3.0, YUMI.home_rad)
+    np.testing.assert_allclose(run.last.positions_rad, YUMI.home_rad, atol=1e-3)
