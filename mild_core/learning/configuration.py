@@ -12,7 +12,7 @@ from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 from mild_core.errors import SetupError, unknown_name
 from mild_core.learning.datasets import recording_named
-from mild_core.learning.settings import PRESETS, TrainingSettings, preset_named
+from mild_core.learning.settings import TrainingSettings, preset_named
 from mild_core.learning.windows import protocol_named
 
 FOLDER = Path(__file__).parent / "configurations"
@@ -29,7 +29,7 @@ class Configuration:
         dataset: Name in `DATASETS`.
         protocol: One of that recording's.
         seed: Of all draws.
-        start_from: Model whose hidden layers of equal size the training starts from; "" for none.
+        start_from: Model (a name or folder) whose hidden layers of equal size the training starts from; "" for none.
         settings: All else.
         text: The file as it was read; model cards repeat it.
     """
@@ -154,10 +154,10 @@ NAMES = {
 }
 
 
-def settings_for(dataset: str, protocol: str) -> TrainingSettings:
-    """How the shipped model of a recording and protocol is trained; the protocol's preset where none is shipped."""
+def configuration_for(dataset: str, protocol: str) -> Configuration | None:
+    """The configuration of the model that is shipped for a recording and protocol; None where none is."""
     for name in configuration_names():
         found = read_configuration(name)
         if (found.dataset, found.protocol) == (dataset, protocol):
-            return found.settings
-    return PRESETS[protocol]
+            return found
+    return None

@@ -16,12 +16,12 @@ from pathlib import Path
 
 from mild_core.errors import unknown_name
 from mild_core.learning.baseline import Recognising
+from mild_core.learning.configuration import Configuration
 from mild_core.learning.datasets import DATASETS, recording_named
 from mild_core.learning.evaluation import TrialErrors, errors_of_trial
 from mild_core.learning.folds import FOLDS, folds_of
 from mild_core.learning.methods import METHODS, method_for
 from mild_core.learning.recording import Demonstrations
-from mild_core.learning.settings import TrainingSettings
 from mild_core.learning.windows import protocol_named
 
 GIVEN, RECOGNISED, UNKNOWN = "given", "recognised", "unknown"
@@ -33,7 +33,7 @@ ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUM
 
 @dataclass(frozen=True)
 class Job:
-    """One method learned once: on all folds but one, from one seed; ours with `settings` where they are given."""
+    """One method learned once: on all folds but one, from one seed; ours as `configuration` says, if any."""
 
     recording: str
     path: Path
@@ -41,7 +41,7 @@ class Job:
     method: str
     fold: int
     seed: int
-    settings: TrainingSettings | None = None
+    configuration: Configuration | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ def jobs_of(
     protocol: str,
     methods: Sequence[str],
     seeds: int,
-    settings: TrainingSettings | None = None,
+    configuration: Configuration | None = None,
 ) -> tuple[Job, ...]:
     """Every fold and seed of the methods; one seed where a seed changes nothing.
 
@@ -78,7 +78,7 @@ def jobs_of(
         if method not in METHODS:
             raise unknown_name("method", method, METHODS)
     return tuple(
-        Job(recording, path, protocol_named(protocol, known).name, method, fold, seed, settings)
+        Job(recording, path, protocol_named(protocol, known).name, method, fold, seed, configuration)
         for method in methods
         for seed in range(seeds if METHODS[method].seeded else 1)
         for fold in range(FOLDS)
@@ -98,7 +98,7 @@ def run_job(job: Job) -> Result:
     """
     protocol = DATASETS[job.recording].protocols[job.protocol]
     fold = folds_of(_read(job.recording, job.path).train)[job.fold]
-    method = method_for(job.method, job.recording, job.protocol, job.settings)
+    method = method_for(job.method, job.configuration)
     begin = time.perf_counter()
     predictor = method.fit(fold.learned, protocol, job.seed)
     seconds = time.perf_counter() - begin

@@ -3,9 +3,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mild_core.inference.model import build_model
 from mild_core.learning.demonstration import Demonstration
@@ -28,7 +30,11 @@ def finished(epochs: Generator[EpochReport, None, TrainedModel]) -> TrainedModel
 
 
 def learn(
-    demonstrations: Sequence[Demonstration], protocol: Protocol, settings: TrainingSettings, seed: int
+    demonstrations: Sequence[Demonstration],
+    protocol: Protocol,
+    settings: TrainingSettings,
+    seed: int,
+    start: Mapping[str, NDArray[Any]] | None = None,
 ) -> ModelPredictor:
     """Train a model and put it behind the run-time stage.
 
@@ -37,8 +43,9 @@ def learn(
         protocol: How windows are cut.
         settings: How to train.
         seed: Of all draws.
+        start: Layers of another model to start from, see `carry_over`.
     """
-    trained = finished(train(demonstrations, protocol, settings, seed))
+    trained = finished(train(demonstrations, protocol, settings, seed, start=start))
     joints = demonstrations[0].controlled[0].size
     # Predictions do not depend on the residual covariance, and its measurement is what this training may be for.
     manifest, arrays = export(trained, demonstrations, np.eye(joints), ModelFacts("cross_validated"))

@@ -9,19 +9,22 @@ from functools import partial
 
 from mild_core.learning.baseline import Baseline, Predictor
 from mild_core.learning.baselines import BASELINES
-from mild_core.learning.configuration import settings_for
+from mild_core.learning.configuration import Configuration
 from mild_core.learning.demonstration import Demonstration
-from mild_core.learning.settings import PRESETS, TrainingSettings
+from mild_core.learning.settings import PRESETS
 from mild_core.learning.windows import Protocol
 
 
 def _fit_shipped(
-    demonstrations: Sequence[Demonstration], protocol: Protocol, seed: int, settings: TrainingSettings | None = None
+    demonstrations: Sequence[Demonstration], protocol: Protocol, seed: int, configuration: Configuration | None = None
 ) -> Predictor:
-    """Train with `settings`, or the preset of the protocol (see `Fit`)."""
+    """Train as a configuration says, or with the preset of the protocol (see `Fit`)."""
+    from mild_core.learning.carry_over import start_of
     from mild_core.learning.learned_model import learn
 
-    return learn(demonstrations, protocol, settings or PRESETS[protocol.name], seed)
+    if configuration is None:
+        return learn(demonstrations, protocol, PRESETS[protocol.name], seed)
+    return learn(demonstrations, protocol, configuration.settings, seed, start_of(configuration))
 
 
 SHIPPED = Baseline("mild", "MILD, ours", _fit_shipped, seeded=True)
@@ -30,16 +33,7 @@ METHODS: dict[str, Baseline] = {SHIPPED.name: SHIPPED, **BASELINES}
 """By name; the slow ones first, so that many cores end together."""
 
 
-def method_for(name: str, dataset: str, protocol: str, settings: TrainingSettings | None = None) -> Baseline:
-    """A method as it is used on a recording: ours is trained as the model that is shipped for it.
-
-    Args:
-        name: Of `METHODS`.
-        dataset: Name of the recording.
-        protocol: Name of the protocol.
-        settings: To train ours with instead.
-    """
+def method_for(name: str, configuration: Configuration | None) -> Baseline:
+    """The method `name` of `METHODS`; ours as a configuration says, if there is one."""
     method = METHODS[name]
-    if method is not SHIPPED:
-        return method
-    return replace(SHIPPED, fit=partial(_fit_shipped, settings=settings or settings_for(dataset, protocol)))
+    return replace(method, fit=partial(_fit_shipped, configuration=configuration)) if method is SHIPPED else method

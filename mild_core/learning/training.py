@@ -8,16 +8,19 @@ what was learned. Equal arguments give equal results on one machine and one numb
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from mild_core.errors import DatasetError
 from mild_core.inference.priors import PRIORS
 from mild_core.inference.priors.prior import FitSettings, Prior
+from mild_core.learning.carry_over import carry_over
 from mild_core.learning.coordinates import Coordinates, plain_coordinates, principal_coordinates
 from mild_core.learning.corpus import Corpus, WindowBatch, bend, corpus_of, cut_tracks
 from mild_core.learning.demonstration import Demonstration
@@ -67,6 +70,7 @@ def train(
     settings: TrainingSettings,
     seed: int,
     interactions: Sequence[str] = (),
+    start: Mapping[str, NDArray[Any]] | None = None,
 ) -> Generator[EpochReport, None, TrainedModel]:
     """Train all members, one after the other.
 
@@ -76,6 +80,7 @@ def train(
         settings: How to train.
         seed: Of all draws.
         interactions: All that the model shall know, by label; default: those demonstrated, in order.
+        start: Layers of another model to start from, see `carry_over`.
 
     Yields:
         A report after each epoch.
@@ -94,7 +99,7 @@ def train(
     corpus = corpus_of(demonstrations, protocol, interactions)
     members = []
     for member in range(settings.members):
-        members.append((yield from _train_member(corpus, settings, seed, member)))
+        members.append((yield from _train_member(corpus, settings, seed, member, start or {})))
     return TrainedModel(corpus.protocol, settings, seed, interactions, tuple(members))
 
 
@@ -127,12 +132,13 @@ def drawing_from(*numbers: int) -> Iterator[None]:
 
 
 def _train_member(
-    corpus: Corpus, settings: TrainingSettings, seed: int, member: int
+    corpus: Corpus, settings: TrainingSettings, seed: int, member: int, start: Mapping[str, NDArray[Any]]
 ) -> Generator[EpochReport, None, TrainedMember]:
     question, answer = window_coordinates(corpus, settings)
     labels = len(corpus.interactions)
     with drawing_from(seed, member):
         networks = MemberNetworks(settings.architecture, question.size, answer.size, labels, settings.dropout)
+    carry_over(networks, start)
     objective = Objective(settings, question, answer, labels)
     optimiser = torch.optim.AdamW(networks.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay)
     priors: dict[str, Prior] = {}

@@ -7,7 +7,7 @@ import json
 import os
 import platform
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,11 +16,12 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from mild_ros.command_line.error_tables import markdown, print_comparison, rows_as_data
+from mild_ros.share import model_folder
 
 if TYPE_CHECKING:
+    from mild_core.learning.configuration import Configuration
     from mild_core.learning.cross_validation import Job, Result
     from mild_core.learning.recording import Recording
-    from mild_core.learning.settings import TrainingSettings
 
 FOLDS = 4
 
@@ -33,7 +34,7 @@ class Request:
         recording: The recording.
         path: Its file.
         protocols: Names.
-        settings: To train ours with; None: as shipped.
+        configuration: To train ours by; None: those of the shipped models.
         methods: Names in `METHODS`; none stands for all.
         seeds: Of each method that draws at random.
         workers: Processes; 0 for one per core.
@@ -42,7 +43,7 @@ class Request:
     recording: Recording
     path: Path
     protocols: tuple[str, ...]
-    settings: TrainingSettings | None = None
+    configuration: Configuration | None = None
     methods: tuple[str, ...] = ()
     seeds: int = 3
     workers: int = 0
@@ -62,8 +63,18 @@ def request_of(config: str, dataset: str, data: Path | None, protocol: str, ever
     recording = recording_named(dataset or (configured.dataset if configured else "buetepage_hr"))
     name = protocol or (configured.protocol if configured else "same")
     protocols = tuple(recording.protocols) if every else (protocol_named(name, recording.protocols).name,)
-    settings = configured.settings if configured else None
-    return Request(recording, data or recording.default_path(), protocols, settings)
+    return Request(recording, data or recording.default_path(), protocols, configured)
+
+
+def located(configuration: Configuration | None) -> Configuration | None:
+    """The same with the folder of the model that it starts from, if any, in place of its name.
+
+    Raises:
+        SetupError: There is no such model.
+    """
+    if configuration is None or not configuration.start_from:
+        return configuration
+    return replace(configuration, start_from=str(model_folder(configuration.start_from)))
 
 
 def cross_validate(request: Request, out: Path, as_json: bool) -> None:
@@ -75,6 +86,7 @@ def cross_validate(request: Request, out: Path, as_json: bool) -> None:
         as_json: Print JSON instead of tables.
     """
     from mild_core.learning.comparison import compare
+    from mild_core.learning.configuration import configuration_for
     from mild_core.learning.cross_validation import jobs_of
     from mild_core.learning.folds import require_folds
     from mild_core.learning.methods import METHODS
@@ -85,7 +97,8 @@ def cross_validate(request: Request, out: Path, as_json: bool) -> None:
     tables = {}
     for protocol in request.protocols:
         wanted = request.methods or tuple(METHODS)
-        jobs = jobs_of(recording.name, request.path, protocol, wanted, seeds, request.settings)
+        configuration = located(request.configuration or configuration_for(recording.name, protocol))
+        jobs = jobs_of(recording.name, request.path, protocol, wanted, seeds, configuration)
         rows = compare(_run(jobs, request.workers, protocol), recording.interactions)
         about = {"dataset": recording.name, "protocol": protocol, "folds": FOLDS, "seeds": seeds, "date": _today()}
         about |= {"unit": recording.unit.squared, "cores": os.cpu_count(), "machine": platform.machine()}

@@ -22,6 +22,7 @@ COMMANDS = {
     "doctor": "Checks this machine's Python, ROS 2 and network and says what to do.",
     "train": "Learns a model from demonstrations.",
     "evaluate": "A model's error per interaction, or a cross-validation beside the baselines.",
+    "plot": "The figures and tables of a paper, from a model and its recording or from measured errors.",
 }
 """Each is the function of that name in the module of that name; the text is what `mild --help` says of it."""
 
@@ -82,6 +83,8 @@ def assemble(wanted: str | None) -> typer.Typer:
             continue
         command = getattr(import_module(f"mild_ros.command_line.{name}"), name)
         if isinstance(command, typer.Typer):
+            for part in command.registered_commands:
+                part.callback = _in_one_line(part.callback) if part.callback else None
             app.add_typer(command, name=name, short_help=summary)
         else:
             app.command(name, short_help=summary)(_in_one_line(command))

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from mild_core.errors import SetupError
+from mild_ros.share import model_folder
 
 if TYPE_CHECKING:
     from collections.abc import Generator
@@ -74,6 +75,8 @@ def train(
     from mild_core.learning.datasets import DATASETS
 
     asked = read_configuration(config)
+    if asked.start_from:
+        asked = replace(asked, start_from=str(model_folder(asked.start_from)))
     settings = asked.settings
     settings = replace(settings, epochs=epochs or settings.epochs, members=members or settings.members)
     asked = replace(asked, settings=settings, seed=asked.seed if seed is None else seed)
@@ -84,10 +87,12 @@ def train(
     if len(trials) < LEAST_TRIALS:
         raise SetupError(str(path), f"holds {len(trials)} training trials", f"give at least {LEAST_TRIALS}")
     out.mkdir(parents=True, exist_ok=True)  # a folder that cannot be written is said before an hour of training
+    from mild_core.learning.carry_over import start_of
     from mild_core.learning.training import train as train_model
 
     protocol = recording.protocols[asked.protocol]
-    trained = _finished(train_model(trials, protocol, settings, asked.seed, recording.interactions), settings, out)
+    epochs_of = train_model(trials, protocol, settings, asked.seed, recording.interactions, start_of(asked))
+    trained = _finished(epochs_of, settings, out)
     command = f"mild train --config {config} --seed {asked.seed} --epochs {settings.epochs}"
     command += f" --members {settings.members} --out {out}" + (f" --errors {errors}" if errors else "")
     _write(out, trained, trials, asked, measured, command)

@@ -80,7 +80,7 @@ def test_the_run_time_core_needs_four_packages() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("command", ["demo", "replay", "view", "models", "doctor", "evaluate", "train"])
+@pytest.mark.parametrize("command", ["demo", "replay", "view", "models", "doctor", "evaluate", "plot", "train"])
 def test_a_command_of_the_smaller_set_up_starts_without_torch(command: str) -> None:
     then = f"from mild_ros.command_line.main import main\nmain(['{command}', '--help'])"
     result = _run_without(("torch",), then)

@@ -4,7 +4,7 @@
 import pytest
 
 from mild_core.errors import SetupError
-from mild_core.learning.configuration import configuration_names, overridden, read_configuration, settings_for
+from mild_core.learning.configuration import configuration_for, configuration_names, overridden, read_configuration
 from mild_core.learning.datasets import DATASETS
 from mild_core.learning.settings import PRESETS, Augmentation, TrainingSettings
 
@@ -77,8 +77,5 @@ def test_what_cannot_be_is_named_in_one_line(tmp_path, text, said):
 def test_every_shipped_configuration_is_what_its_recording_is_trained_with(name):
     found = read_configuration(name)
     assert found.protocol in DATASETS[found.dataset].protocols
-    assert settings_for(found.dataset, found.protocol) == found.settings
-
-
-def test_a_recording_without_a_configuration_is_trained_by_its_protocols_preset():
-    assert settings_for("nuisi_v1", "ahead") == PRESETS["ahead"]
+    assert configuration_for(found.dataset, found.protocol) == found
+    assert configuration_for("nuisi_v1", "ahead") is None

@@ -137,3 +137,35 @@ def test_nothing_to_learn_from_is_refused():
         next(train((), PROTOCOLS["same"], SMALL, 0))
     with pytest.raises(ValueError, match="is not"):
         next(train([made_trial(0)], PROTOCOLS["same"], SMALL, 0, interactions=TWO[1:]))
+
+
+def test_hidden_layers_are_carried_over_where_sizes_agree_and_nothing_else_is():
+    import torch
+
+    from mild_core.learning.carry_over import carry_over
+    from mild_core.learning.vae import MemberNetworks
+
+    architecture = SMALL.architecture
+
+    def made(seed, questions):
+        torch.manual_seed(seed)
+        return MemberNetworks(architecture, questions, 4, 2, 0.0)
+
+    donor, heir, before = made(0, 6), made(1, 7), made(1, 7)
+    chains = {name: getattr(donor, name) for name in ("context", "encoder", "residual", "decoder")}
+    arrays = {f"{name}.{key}": a for name, chain in chains.items() if chain for key, a in chain.arrays().items()}
+    taken = carry_over(heir, arrays)
+    assert taken
+    given, kept, found = (dict(networks.state_dict()) for networks in (donor, before, heir))
+    changed = {name for name, value in found.items() if not torch.equal(value, kept[name])}
+    assert changed
+    for name in changed:
+        assert torch.equal(found[name], given[name])
+    # Inputs of another size (the window) and last layers stay as they were drawn.
+    assert all(found[name].shape == given[name].shape for name in changed)
+    places = {name.rsplit(".", 1)[0] for name in changed}
+    for chain in ("context", "encoder", "residual", "decoder"):
+        layers = getattr(heir, chain)
+        if layers is not None and layers.specs[-1].kind == "dense":
+            assert f"{chain}.stack.{len(layers.specs) - 1}" not in places
+    assert carry_over(heir, {}) == ()

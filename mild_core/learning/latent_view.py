@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What goes on in the latent spaces of a trained model while it watches a trial: for figures, not for learning."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mild_core.inference.member import MemberState, make_ready
+from mild_core.inference.motion_model import MildModel
+from mild_core.inference.stepping import BOARD
+from mild_core.learning.demonstration import Demonstration
+from mild_core.learning.windows import Protocol, cut
+from mild_core.shapes import FloatArray, read_only
+
+
+@dataclass(frozen=True, eq=False)
+class LatentTrack:
+    """One trial in the latent spaces of one member.
+
+    Attributes:
+        interaction: Which it was, and was told.
+        observed: (N, Q) posterior mean of each window of the human.
+        controlled: (N, C) what the prior expects of the other agent's latent, mixed by the belief.
+        weights: (N, K) that belief over components.
+    """
+
+    interaction: str
+    observed: FloatArray
+    controlled: FloatArray
+    weights: FloatArray
+
+
+def latent_track(model: MildModel, demonstration: Demonstration, protocol: Protocol, member: int = 0) -> LatentTrack:
+    """Follow a trial with the interaction given, as `Inference` does.
+
+    Args:
+        model: A trained model.
+        demonstration: The trial.
+        protocol: The model's.
+        member: Whose latent spaces.
+    """
+    manifest = model.manifest
+    number = manifest.interactions.index(demonstration.interaction)
+    ready = make_ready(model.members[member], [number], model.residual_covariance)
+    label, stride = np.eye(len(manifest.interactions))[number], manifest.stride
+    states, rows = [ready.init()] * stride, []
+    place = int(ready.places[BOARD.index("observed")])
+    for index, features in enumerate(cut(demonstration, protocol).observed):
+        copy = index % stride
+        steps, missed = (1, 0) if index >= stride else (1 + (len(features) - 1) // stride, -1)
+        seen = ready.observe(states[copy], read_only(features), label, steps, stride, missed)
+        states[copy] = MemberState(seen.context, seen.memory)
+        latent = seen.board[place : place + manifest.latent_size].astype(np.float64)
+        rows.append((latent, seen.weights[0] @ seen.means[0], seen.weights[0]))
+    observed, controlled, beliefs = (np.array(part) for part in zip(*rows, strict=True))
+    return LatentTrack(demonstration.interaction, observed, controlled, beliefs)

@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The person's arm and the other's arm, recorded and predicted, from the side and from above at moments of a trial."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from mild_core.shapes import FloatArray
+from mild_ros.viewing.figures.style import BLUE, GREY, ORANGE, PAGE_IN, figure, rule
+
+VIEWS = {"from the side": (0, 2), "from above": (0, 1)}
+"""Which axes are seen: x is from the person towards the other."""
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """One moment, all in one frame.
+
+    Attributes:
+        time_s: Since the trial began.
+        person: (J, 3) the person's arm [m], from the shoulder outwards.
+        recorded: (M, 3) the other's arm [m].
+        predicted: (M, 3) the same as the model predicts it.
+    """
+
+    time_s: float
+    person: FloatArray
+    recorded: FloatArray
+    predicted: FloatArray
+
+
+def draw_skeletons(moments: Sequence[Moment], path: Path, title: str) -> None:
+    """Write the figure: a column per moment, a row per view."""
+    points = np.concatenate([np.concatenate([m.person, m.recorded, m.predicted]) for m in moments])
+    low, high = points.min(axis=0) - 0.06, points.max(axis=0) + 0.06
+    spans = [high[up] - low[up] for _, up in VIEWS.values()]
+    width = (PAGE_IN - 0.6) / len(moments)
+    height = sum(spans) / (high[0] - low[0]) * width + 1.1
+    with figure(PAGE_IN, float(height), path, title) as made:
+        panels = made.subplots(len(VIEWS), len(moments), sharex=True, sharey="row", height_ratios=spans, squeeze=False)
+        for row, (view, axes_seen) in zip(panels, VIEWS.items(), strict=True):
+            for axes, moment in zip(row, moments, strict=True):
+                _arms(axes, moment, list(axes_seen))
+                axes.set_xlim(low[0], high[0])
+                axes.set_ylim(low[axes_seen[1]], high[axes_seen[1]])
+                axes.set_aspect("equal")
+                rule(axes)
+            row[0].set_ylabel(f"{view} [m]")
+        for axes, moment in zip(panels[0], moments, strict=True):
+            axes.set_title(f"{moment.time_s:.1f} s")
+        handles, labels = panels[0][0].get_legend_handles_labels()
+        made.legend(handles, labels, loc="outside lower center", ncols=3)
+
+
+def _arms(axes: Axes, moment: Moment, seen: list[int]) -> None:
+    for arm, colour, width, label in (
+        (moment.recorded, GREY, 3.2, "the other, recorded"),
+        (moment.predicted, ORANGE, 1.6, "the other, predicted"),
+        (moment.person, BLUE, 1.6, "the person"),
+    ):
+        axes.plot(*arm[:, seen].T, "o-", color=colour, lw=width, ms=2.5, label=label, solid_capstyle="round")

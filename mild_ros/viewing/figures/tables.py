@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tables of errors by interaction and method, for papers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from mild_ros.viewing.figures.style import spoken
+
+PLUS_MINUS = r"$\pm$"
+UNITS = {"rad^2": ("rad²", r"rad$^2$"), "m^2": ("m²", r"m$^2$")}
+
+
+def _cells(table: Mapping[str, Any]) -> tuple[list[str], list[list[str]]]:
+    """Names of the methods, and a line per interaction; the last is over all of them."""
+    rows = table["methods"]
+    methods = [f"{row['title']}, {row['labels']}" for row in rows]
+    lines = [
+        [
+            spoken(name),
+            *(_error(row["interactions"][name]["mse"], row["interactions"][name]["mse_std"]) for row in rows),
+        ]
+        for name in rows[0]["interactions"]
+    ]
+    return methods, [*lines, ["all (± over seeds)", *(_error(row["macro_mean"], row["macro_std"]) for row in rows)]]
+
+
+def _error(mean: float | None, spread: float | None) -> str:
+    return "-" if mean is None else f"{mean:.4f}" + ("" if spread is None else f" ± {spread:.4f}")
+
+
+def _caption(table: Mapping[str, Any]) -> str:
+    return (
+        f"{table['dataset']}, protocol {table['protocol']}: mean squared error ± deviation over windows, "
+        f"{table['folds']} folds over the training trials, {table['seeds']} seeds, {table['date']}"
+    )
+
+
+def as_markdown(table: Mapping[str, Any]) -> str:
+    """A Markdown table; the errors' unit stands in its first cell."""
+    methods, lines = _cells(table)
+    head = [f"[{UNITS[table['unit']][0]}]", *methods]
+    rows = [head, ["---", *["---:"] * len(methods)], *lines]
+    return _caption(table) + "\n\n" + "".join(f"| {' | '.join(row)} |\n" for row in rows)
+
+
+def as_latex(table: Mapping[str, Any]) -> str:
+    """A `table` in the manner of booktabs."""
+    methods, lines = _cells(table)
+    body = [" & ".join([f"[{UNITS[table['unit']][1]}]", *map(_escaped, methods)]) + r" \\ \midrule"]
+    body += [" & ".join(_escaped(cell).replace("±", PLUS_MINUS) for cell in line) + r" \\" for line in lines]
+    body.insert(-1, r"\midrule")
+    caption = _escaped(_caption(table)).replace("±", PLUS_MINUS)
+    head = [r"\begin{table}", rf"\caption{{{caption}}}", rf"\begin{{tabular}}{{l{'r' * len(methods)}}}", r"\toprule"]
+    return "\n".join([*head, *body, r"\bottomrule", r"\end{tabular}", r"\end{table}", ""])
+
+
+def _escaped(text: str) -> str:
+    return text.replace("_", r"\_").replace("%", r"\%").replace("&", r"\&")
+
+
+LAYOUTS: Mapping[str, Callable[[Mapping[str, Any]], str]] = {".tex": as_latex, ".md": as_markdown}
+"""By the ending of the file."""

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`mild plot`: every figure shows the numbers of a model and its recording, and what cannot be drawn is said."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from mild_core.inference.model import load_model, save_model
+from mild_core.learning.datasets.buetepage_hr import BUETEPAGE_HR
+from mild_core.learning.evaluation import errors_of_trial
+from mild_core.learning.latent_view import latent_track
+from mild_core.learning.model_predictor import ModelPredictor
+from mild_ros.command_line.plot_data import errors_over_window, motion_of, watched
+from test.command_line.test_main import run
+from test.command_line.test_train import smooth_track
+from test.core.inference.random_model import manifest, paper_member, random_arrays
+from test.core.learning.test_buetepage_hr import one_hot, write
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    described = manifest((paper_member(),), components=3, interactions=BUETEPAGE_HR.interactions)
+    folder = tmp_path_factory.mktemp("models") / "made"
+    save_model(folder, described, random_arrays(described), "# Model card: made\n")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
+    tracks = [smooth_track(index, 120) for index in range(8)]
+    labels = [one_hot(index // 2, 120) for index in range(8)]
+    return write(tmp_path_factory.mktemp("data") / "a.npz", tracks, labels)
+
+
+FIGURES = ("latent", "window", "joints", "skeletons")
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_a_figure_is_drawn_at_the_width_of_a_paper(model, data, name, tmp_path, capsys):
+    out = tmp_path / "deep" / "figure.png"
+    assert run("plot", name, "--model", str(model), "--data", str(data), "--out", str(out)) == 0
+    assert f"written: {out}" in capsys.readouterr().out
+    picture = np.asarray(Image.open(out).convert("RGB"))
+    assert picture.shape[1] in (round(3.5 * 300), round(7.16 * 300))
+    # Something is drawn, in more than shades of one colour.
+    assert (np.ptp(picture.astype(int), axis=2) > 60).mean() > 0.001
+
+
+def test_the_error_over_the_window_adds_up_to_the_error_of_the_tables(model, data):
+    seen = watched(str(model), data, "train")
+    errors, times_s = errors_over_window(seen)
+    predictor = ModelPredictor(seen.model, seen.protocol)
+    for place, trial in enumerate(seen.trials[:2]):
+        told = errors_of_trial(trial, seen.protocol, predictor.predict(trial)).squared.mean()
+        assert errors["hand_wave"][place].mean() == pytest.approx(told, rel=1e-9)
+    # Protocol "ahead": from the frame after the newest one to a second ahead.
+    np.testing.assert_allclose([times_s[0], times_s[-1]], [0.025, 1.0])
+
+
+def test_a_joint_is_shown_at_the_time_that_its_prediction_is_for(model, data):
+    motion = motion_of(watched(str(model), data, "train", 3))
+    assert motion.predicted_s[0] == pytest.approx(79 / 40)
+    assert motion.predicted_s[-1] == pytest.approx(motion.true_s[-1])
+    assert motion.predicted.shape == motion.deviation.shape == (41, 7)
+
+
+def test_latents_are_followed_as_inference_follows_them(model, data):
+    """The controlled latents, decoded, are the very answers of the stage."""
+    seen, loaded = watched(str(model), data, "train", 4), load_model(model)
+    track = latent_track(loaded, seen.trials[0], seen.protocol)
+    decoder = loaded.members[0].networks["decoder"]
+    answers = ModelPredictor(loaded, seen.protocol).predict(seen.trials[0])
+    for latent, answer in zip(track.controlled[::10], answers[::10], strict=True):
+        decoded = decoder.run(latent.astype(np.float32), decoder.first_memory())[0]
+        # Single precision of values of order one.
+        np.testing.assert_allclose(decoded.reshape(answer.shape), answer, atol=2e-6)
+    np.testing.assert_allclose(track.weights.sum(axis=1), 1.0, rtol=1e-9)
+
+
+def test_what_cannot_be_drawn_is_one_line(model, data, tmp_path, capsys):
+    shared = ("--model", str(model), "--data", str(data), "--out", str(tmp_path / "a.png"))
+    for arguments, said in (
+        (("joints", *shared, "--trial", "8"), "there are 8 train trials"),
+        (("window", *shared, "--split", "test"), "its test split is empty"),
+        (("window", *shared, "--split", "tset"), "did you mean 'test'"),
+    ):
+        assert run("plot", *arguments) == 2
+        told = capsys.readouterr().err
+        assert said in told
+        assert told.count("\n") == 1
+
+
+def measured(path: Path) -> Path:
+    interaction = {"mse": 0.04, "mse_std": 0.05, "windows": 9}
+    row = {
+        **{"method": "mild", "title": "MILD, ours", "labels": "given", "macro_mean": 0.0412, "macro_std": 0.0011},
+        **{"macro": {"interval": [0.035, 0.047]}, "interactions": {"hand_wave": interaction}},
+    }
+    bar = {**row, "method": "kernel_ridge", "title": "kernel ridge", "macro_mean": 0.051, "macro_std": None}
+    about = {"dataset": "nuisi_v1", "protocol": "same", "folds": 4, "seeds": 3, "date": "2025-01-02", "unit": "m^2"}
+    path.write_text(json.dumps({**about, "methods": [row, bar]}))
+    return path
+
+
+def test_a_measured_table_becomes_latex_markdown_and_a_figure(tmp_path, capsys):
+    source = measured(tmp_path / "cv.json")
+    for ending, wanted in (
+        (".tex", (r"\toprule", r"hand wave & 0.0400 $\pm$ 0.0500", r"nuisi\_v1", r"[m$^2$]", "0.0510")),
+        (".md", ("| hand wave | 0.0400 ± 0.0500 |", "| all (± over seeds) | 0.0412 ± 0.0011 | 0.0510 |", "[m²]")),
+    ):
+        out = tmp_path / f"table{ending}"
+        assert run("plot", "table", str(source), "--out", str(out)) == 0
+        assert all(text in out.read_text() for text in wanted)
+    assert run("plot", "comparison", str(source), "--out", str(tmp_path)) == 0
+    assert (tmp_path / "cv.png").read_bytes().startswith(b"\x89PNG")
+    assert run("plot", "table", str(source), "--out", str(tmp_path / "a.doc")) == 2
+    assert "ends in '.doc'" in capsys.readouterr().err
+    source.write_text("[]")
+    assert run("plot", "comparison", str(source)) == 2
+    assert "is no table of a cross-validation" in capsys.readouterr().err
