@@ -53,8 +53,8 @@ TOPICS = (
         "hand, head, middle of shoulders and of hips [m]; in frame `robot` with `robot_from_camera`, else `arm`",
     ),
     Topic(
-        *("motion", "trajectory_msgs/JointTrajectory", "inference", "retargeting"),
-        "the robot's next window as the model predicts it [rad]",
+        *("motion", "`trajectory_msgs/JointTrajectory` or `sensor_msgs/PointCloud2`", "inference", "retargeting"),
+        "the robot's next window as the model predicts it [rad], or the partner's arm of a model of two people [m]",
     ),
     Topic(
         *("motion_state", "sensor_msgs/PointCloud2", "inference", "retargeting"),

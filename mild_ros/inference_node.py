@@ -38,7 +38,7 @@ class InferenceNode(Node):
         self._diagnostics = Diagnostics(self, expected=("feature_window",))
         self._diagnostics.facts["model"] = parameters.model
         self._fates = Fates(self, parameters.report_handled)
-        self._topics = MotionTopics(self, model.manifest.interactions, self._diagnostics)
+        self._topics = MotionTopics(self, model.manifest, self._diagnostics)
         self._time = NodeClock(self, self._diagnostics)
         self._operator = OperatorServices(self, self._diagnostics, self._reset)
         self.create_subscription(PointCloud2, "feature_window", self._on_window, BETWEEN_STAGES)

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Float64MultiArray, String
-from trajectory_msgs.msg import JointTrajectory
 
+from mild_core.inference.manifest import Manifest
 from mild_core.signals import MotionWindow
 from mild_ros.diagnostics import Diagnostics
 from mild_ros.messages.belief import belief_to_msg
 from mild_ros.messages.feature_window import feature_window_to_msg
-from mild_ros.messages.motion import motion_state_to_msg, motion_to_msg
+from mild_ros.messages.motion import motion_state_to_msg, motion_to_msg, motion_type
 from mild_ros.messages.person import person_to_msg
 from mild_ros.quality_of_service import BETWEEN_STAGES, LATCHED
 
@@ -27,14 +27,14 @@ class MotionTopics:
 
     Args:
         node: Who infers.
-        interactions: The model's, in its order.
+        manifest: Of the model: its interactions, and whether it moves joints or a partner's arm.
         diagnostics: Where the newest motion is told too.
     """
 
-    def __init__(self, node: Node, interactions: tuple[str, ...], diagnostics: Diagnostics) -> None:
-        self._interactions, self._diagnostics = interactions, diagnostics
+    def __init__(self, node: Node, manifest: Manifest, diagnostics: Diagnostics) -> None:
+        self._interactions, self._diagnostics = manifest.interactions, diagnostics
         self._newest_interaction: str | None = None
-        self._motion = node.create_publisher(JointTrajectory, "motion", BETWEEN_STAGES)
+        self._motion = node.create_publisher(motion_type(manifest.controlled.kind), "motion", BETWEEN_STAGES)
         self._state = node.create_publisher(PointCloud2, "motion_state", BETWEEN_STAGES)
         self._belief = node.create_publisher(Float64MultiArray, "belief", BETWEEN_STAGES)
         self._interaction = node.create_publisher(String, "interaction", LATCHED)

@@ -44,7 +44,7 @@ class PipelineNode(Node):
         self._diagnostics.facts["model"] = parameters.model
         self._fates = Fates(self, parameters.report_handled)
         self._commanding = Commanding(self, self._diagnostics, self._request, parameters, self._pipeline.retargeting)
-        topics = MotionTopics(self, model.manifest.interactions, self._diagnostics)
+        topics = MotionTopics(self, model.manifest, self._diagnostics)
         self._inside = InsideTopics(self, topics, parameters.publish_intermediate)
         self._time = NodeClock(self, self._diagnostics, self._on_tick, parameters.control_rate_hz)
         tracker.listen(self, self._time, self._diagnostics, self._fates, self._on_sight)

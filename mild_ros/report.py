@@ -168,6 +168,8 @@ def _error(run: RecordedRun, robot: RobotModel, *, predicted: bool) -> float | N
     if not len(stamps):
         return None
     if predicted:
+        if run.motions[0].positions.ndim != 2:  # a partner's arm, which has no joints
+            return None
         said = np.stack([_newest_said(run, robot, int(stamp)) for stamp in stamps])
     else:
         assert run.commands is not None

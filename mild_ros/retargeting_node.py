@@ -9,17 +9,17 @@ from typing import Any
 
 from rclpy.node import Node
 from sensor_msgs.msg import JointState, PointCloud2
-from trajectory_msgs.msg import JointTrajectory
 
 from mild_core.errors import DataError
 from mild_core.retargeting.stage import Request, RetargetingInput
 from mild_core.signals import JointMeasurement, PersonPose
+from mild_ros.assembly.perception import manifest_of
 from mild_ros.assembly.retargeting import make_retargeting
 from mild_ros.clock import NodeClock
 from mild_ros.commanding import Commanding
 from mild_ros.diagnostics import Diagnostics
 from mild_ros.fates import Fates
-from mild_ros.messages.motion import motion_from_msgs
+from mild_ros.messages.motion import motion_from_msgs, motion_type
 from mild_ros.messages.person import person_from_msg
 from mild_ros.messages.stamps import ns_from_msg
 from mild_ros.pairing import StampPairs
@@ -35,7 +35,8 @@ class RetargetingNode(Node):
     def __init__(self) -> None:
         super().__init__("retargeting")
         parameters = declare(self, RetargetingParameters)
-        self._stage = make_retargeting(parameters)
+        manifest = manifest_of(parameters.model)
+        self._stage = make_retargeting(parameters, manifest)
         self._state = self._stage.init()
         self._diagnostics = Diagnostics(self, ("motion", "joint_states"), parameters.robot, self._look)
         self._fates = Fates(self, parameters.report_handled)
@@ -43,7 +44,7 @@ class RetargetingNode(Node):
         self._time = NodeClock(self, self._diagnostics, self._on_tick, parameters.control_rate_hz)
         pairs = StampPairs(self._on_motion, self._on_single)
         self.create_subscription(PointCloud2, "person", self._on_person, BETWEEN_STAGES)
-        self.create_subscription(JointTrajectory, "motion", pairs.left, BETWEEN_STAGES)
+        self.create_subscription(motion_type(manifest.controlled.kind), "motion", pairs.left, BETWEEN_STAGES)
         self.create_subscription(PointCloud2, "motion_state", pairs.right, BETWEEN_STAGES)
         self.create_subscription(JointState, "joint_states", self._on_joint_states, SENSOR)
         self.get_logger().info(f"commands {parameters.robot} at {parameters.control_rate_hz:g} Hz")

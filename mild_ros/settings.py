@@ -7,12 +7,14 @@ from dataclasses import dataclass
 
 from mild_core.perception.settings import PerceptionSettings
 from mild_core.perception.skeletons import SOURCES
-from mild_core.retargeting.robots import ROBOTS
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_ros.controller_settings import ControllerParameters
 from mild_ros.parameters import parameter
 
 _MODEL = parameter("yumi_buetepage_ahead", "Model: a name of `mild models`, or the path of a folder.")
+_ROBOT_DESCRIPTION = parameter(
+    "", "URDF in place of the robot's own: a path, or `topic:robot_description`; empty for its own."
+)
 _REPORT_HANDLED = parameter(False, "Publish the fate of every input on `handled`, for a replay in lock-step.")
 
 
@@ -83,7 +85,9 @@ class InferenceParameters:
 class RetargetingParameters(ControllerParameters):
     """Of the retargeting node."""
 
-    robot: str = parameter("yumi", "Robot to command.", choices=tuple(ROBOTS))
+    model: str = _MODEL
+    robot: str = parameter("yumi", "Robot to command: `yumi`, `pepper`, or the path of a robot file (.toml).")
+    robot_description: str = _ROBOT_DESCRIPTION
     enabled: bool = parameter(RetargetingSettings.start_enabled, "Follow from the start, before `~/enable` is called.")
     control_rate_hz: float = parameter(
         100.0, "Commands per second; a new motion causes one more at once.", unit="Hz", minimum=10.0, maximum=500.0
@@ -140,8 +144,8 @@ class PipelineParameters(RetargetingParameters, InferenceParameters, PerceptionP
 class SimulationParameters:
     """Of the simulation node."""
 
-    robot: str = parameter("yumi", "Robot to simulate.", choices=tuple(ROBOTS))
-    robot_description: str = parameter("", "Path of a URDF to use in place of our own; empty for our own.")
+    robot: str = parameter("yumi", "Robot to simulate: `yumi`, `pepper`, or the path of a robot file (.toml).")
+    robot_description: str = _ROBOT_DESCRIPTION
     gui: bool = parameter(False, "Open a window with the robot.")
     rate_hz: float = parameter(100.0, "Messages on `joint_states` per second.", unit="Hz", minimum=10.0, maximum=240.0)
     camera_rate_hz: float = parameter(

@@ -3,16 +3,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 from rclpy.node import Node
 from sensor_msgs.msg import Image, JointState
 
-from mild_core.errors import DataError, SetupError
-from mild_core.retargeting.robots import ROBOTS
+from mild_core.errors import DataError
 from mild_core.signals import JointCommand
+from mild_ros.assembly.robot import make_robot
 from mild_ros.clock import NodeClock, steady_clock
 from mild_ros.diagnostics import Diagnostics
 from mild_ros.messages.image import image_to_msg
@@ -21,7 +19,7 @@ from mild_ros.parameters import declare
 from mild_ros.quality_of_service import COMMAND, STATE
 from mild_ros.running import run
 from mild_ros.settings import SimulationParameters
-from mild_ros.simulation.backend import Camera, Scene
+from mild_ros.simulation.backend import Camera, scene_of
 from mild_ros.simulation.bullet import BulletRobot
 
 LONGEST_STEP_NS = 100_000_000
@@ -37,13 +35,8 @@ class SimulationNode(Node):
     def __init__(self) -> None:
         super().__init__("simulation")
         parameters = declare(self, SimulationParameters)
-        robot = ROBOTS[parameters.robot]
-        if parameters.robot_description:
-            path = Path(parameters.robot_description).expanduser()
-            if not path.is_file():
-                raise SetupError("parameter robot_description", f"no file {path}", "give the path of a URDF")
-            robot = replace(robot, urdf_path=path)
-        self._robot = BulletRobot(robot, gui=parameters.gui, scene=Scene())
+        robot = make_robot(parameters.robot, parameters.robot_description)
+        self._robot = BulletRobot(robot, gui=parameters.gui, scene=scene_of(robot))
         self._command: JointCommand | None = None
         self._stepped_ns: int | None = None
         self._diagnostics = Diagnostics(self, expected=("joint_command",), hardware_id=f"simulated {robot.name}")

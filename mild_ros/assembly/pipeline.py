@@ -5,10 +5,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from mild_core.errors import SetupError
 from mild_core.inference.model import MildModel
 from mild_core.pipeline import Pipeline, PipelineState
-from mild_core.retargeting.robots import ROBOTS
 from mild_ros.assembly.inference import make_inference
 from mild_ros.assembly.perception import make_perception
 from mild_ros.assembly.retargeting import make_retargeting
@@ -21,12 +19,8 @@ def make_pipeline(parameters: PipelineParameters, model: MildModel) -> Pipeline:
     Raises:
         SetupError: One of them cannot be made, or the model moves other joints than the robot has.
     """
-    robot, moved = ROBOTS[parameters.robot], model.manifest.controlled.joint_names
-    if sorted(moved) != sorted(robot.joint_names):
-        problem = f"it moves {', '.join(moved)}, but {robot.name} has {', '.join(robot.joint_names)}"
-        raise SetupError(f"model {parameters.model}", problem, "choose a model of this robot")
     perception = make_perception(parameters, model.manifest)
-    return Pipeline(perception, make_inference(parameters, model), make_retargeting(parameters))
+    return Pipeline(perception, make_inference(parameters, model), make_retargeting(parameters, model.manifest))
 
 
 def forgotten(pipeline: Pipeline, state: PipelineState) -> PipelineState:

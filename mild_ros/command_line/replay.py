@@ -94,7 +94,7 @@ def _write_trial(dataset: str, data: Path | None, trial: int, folder: Path) -> s
 
 def _in_process(bag: Path, folder: Path, options: RunOptions, console: Console) -> Path:
     """Replay without DDS; returns the bag that it writes."""
-    from mild_core.retargeting.robots import ROBOTS
+    from mild_core.retargeting.robot_file import find_robot
     from mild_ros.assembly.inference import load
     from mild_ros.assembly.perception import skeleton_source
     from mild_ros.assembly.pipeline import make_pipeline
@@ -103,7 +103,7 @@ def _in_process(bag: Path, folder: Path, options: RunOptions, console: Console) 
     from mild_ros.settings import PipelineParameters
 
     parameters = PipelineParameters(model=options.model, interaction=options.interaction, source=options.source)
-    inputs = Inputs(skeleton_source(parameters), ROBOTS[options.robot], options.skeleton_topic)
+    inputs = Inputs(skeleton_source(parameters), find_robot(options.robot), options.skeleton_topic)
     recorded = folder / RECORDED
     shutil.rmtree(recorded, ignore_errors=True)
     with console.status("replaying in process"):

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from mild_core.retargeting.robots import ROBOTS
+from mild_core.retargeting.robot_file import find_robot
 from mild_core.shapes import FloatArray
 from mild_ros.assembly.perception import make_perception, manifest_of, skeleton_source
 from mild_ros.bags import open_bag
@@ -76,7 +76,7 @@ def leave(recorded: Path, out: Path, options: RunOptions, title: str, console: C
     Raises:
         SetupError: The bag cannot be read, or shows nobody who stands still.
     """
-    robot, parameters = ROBOTS[options.robot], PerceptionParameters(model=options.model, source=options.source)
+    robot, parameters = find_robot(options.robot), PerceptionParameters(model=options.model, source=options.source)
     run = read_run(recorded, skeleton_source(parameters), salvage=options.salvage)
     report, manifest = make_report(run, robot), manifest_of(options.model)
     with console.status("drawing"):

@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """`MotionWindow` as two messages with the same stamp: what to do, and how sure the model is of it.
 
-`motion` is a `trajectory_msgs/JointTrajectory` that any ROS tool can read; the time of each point counts from the
-stamp and is negative for frames that lie before it. `motion_state` is a `sensor_msgs/PointCloud2` with one point:
-interaction (its place in the model's list, -1 when unknown), probability, phase, out_of_distribution, lead and
-period [ns], belief_0 ..., covariance_0 ... row by row. The interaction's name is its frame_id.
+`motion` of a robot's joints is a `trajectory_msgs/JointTrajectory` that any ROS tool can read; the time of each point
+counts from the stamp and is negative for frames that lie before it. `motion` of a partner's arm is an organised
+`sensor_msgs/PointCloud2`: one row per frame; shoulder, elbow and hand in the partner's arm frame [m].
+`motion_state` is a `sensor_msgs/PointCloud2` with one point: interaction (its place in the model's list, -1 when
+unknown), probability, phase, out_of_distribution, lead and period [ns], belief_0 ..., covariance_0 ... row by row. The
+interaction's name is its frame_id.
 """
 
 from __future__ import annotations
@@ -19,15 +21,24 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from mild_core.errors import DataError
 from mild_core.shapes import FloatArray
-from mild_core.signals import MotionWindow
+from mild_core.signals import ARM_FRAME, ARM_JOINTS, MotionWindow
+from mild_ros.messages.feature_window import POSITION_FIELDS
 from mild_ros.messages.point_cloud import array_from_msg, array_to_msg
 from mild_ros.messages.stamps import duration_to_msg, ns_from_msg, time_to_msg
 
 SCALARS = ("interaction", "probability", "phase", "out_of_distribution", "lead_ns", "period_ns")
 
 
-def motion_to_msg(motion: MotionWindow) -> JointTrajectory:
-    """The joint angles [rad] of a motion of joints."""
+def motion_type(controlled_kind: str) -> type[Any]:
+    """The type of the messages on `motion`, by the kind of agent that a model moves."""
+    return PointCloud2 if controlled_kind == "human_arm" else JointTrajectory
+
+
+def motion_to_msg(motion: MotionWindow) -> JointTrajectory | PointCloud2:
+    """The joint angles [rad], or the partner's arm [m]."""
+    if motion.positions.ndim == 3:
+        header = Header(stamp=time_to_msg(motion.stamp_ns), frame_id=ARM_FRAME)
+        return array_to_msg(motion.positions, POSITION_FIELDS, header)
     message = JointTrajectory(header=Header(stamp=time_to_msg(motion.stamp_ns)))
     message.joint_names = list(motion.joint_names)
     message.points = [
@@ -57,13 +68,13 @@ def motion_from_msgs(motion: Any, state: Any) -> MotionWindow:
     Raises:
         DataError: `wrong_layout` when they are not such a pair, or rows differ in length.
     """
-    joint_names = tuple(str(name) for name in motion.joint_names)
+    joint_names, positions = _positions(motion)
     stamp_ns = ns_from_msg(motion.header.stamp)
     values, names = array_from_msg(state)
-    beliefs = sum(name.startswith("belief_") for name in names)
-    expected = SCALARS + _numbered("belief", beliefs) + _numbered("covariance", len(joint_names) ** 2)
+    beliefs, size = sum(name.startswith("belief_") for name in names), positions[0].size
+    expected = SCALARS + _numbered("belief", beliefs) + _numbered("covariance", size**2)
     if values.shape[:2] != (1, 1) or names != expected or ns_from_msg(state.header.stamp) != stamp_ns:
-        raise DataError("wrong_layout", f"motion of {len(joint_names)} joints with a state of {len(names)} fields")
+        raise DataError("wrong_layout", f"motion of {size} values with a state of {len(names)} fields")
     _, probability, phase, out_of_distribution, lead, period = values[0, 0, : len(SCALARS)].tolist()
     belief, covariance = np.split(values[0, 0, len(SCALARS) :], [beliefs])
     return MotionWindow(
@@ -71,8 +82,8 @@ def motion_from_msgs(motion: Any, state: Any) -> MotionWindow:
         lead_ns=int(lead),
         period_ns=int(period),
         joint_names=joint_names,
-        positions=_positions(motion.points, len(joint_names)),
-        covariance=covariance.reshape(len(joint_names), len(joint_names)),
+        positions=positions,
+        covariance=covariance.reshape(size, size),
         interaction=str(state.header.frame_id),
         probability=probability,
         belief=belief,
@@ -81,11 +92,19 @@ def motion_from_msgs(motion: Any, state: Any) -> MotionWindow:
     )
 
 
-def _positions(points: Any, joints: int) -> FloatArray:
-    rows = [np.asarray(point.positions, dtype=np.float64) for point in points]
-    if not rows or any(row.size != joints for row in rows):
-        raise DataError("wrong_layout", f"a trajectory without a position for each of its {joints} joints")
-    return np.stack(rows)
+def _positions(message: Any) -> tuple[tuple[str, ...], FloatArray]:
+    """Joint names and positions in either message; W is at least 1."""
+    if hasattr(message, "points"):
+        joint_names = tuple(str(name) for name in message.joint_names)
+        rows = [np.asarray(point.positions, dtype=np.float64) for point in message.points]
+        if not rows or any(row.size != len(joint_names) for row in rows):
+            problem = f"a trajectory without a position for each of its {len(joint_names)} joints"
+            raise DataError("wrong_layout", problem)
+        return joint_names, np.stack(rows)
+    positions, names = array_from_msg(message)
+    if names != POSITION_FIELDS or positions.shape[1] != len(ARM_JOINTS) or not len(positions):
+        raise DataError("wrong_layout", f"a cloud of {positions.shape} with {names}, expected shoulder, elbow, hand")
+    return ARM_JOINTS, positions
 
 
 def _numbered(name: str, count: int) -> tuple[str, ...]:

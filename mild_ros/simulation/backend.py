@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from mild_core.retargeting.robot import RobotModel
 from mild_core.signals import JointCommand, JointMeasurement
 
 Point = tuple[float, float, float]
@@ -49,6 +50,11 @@ class Scene:
 
     table: bool = True
     floor_m: float = -0.85
+
+
+def scene_of(robot: RobotModel) -> Scene:
+    """A table for a robot that needs one, and the floor."""
+    return Scene() if robot.floor_m is None else Scene(table=False, floor_m=robot.floor_m)
 
 
 class SimulatedRobot(Protocol):

@@ -33,7 +33,7 @@ def write_page(staged: Staged, robot: RobotModel, path: Path, title: str) -> Non
     with _server() as server:
         recording = server.get_scene_serializer()
         _light_and_camera(server, staged.floor_m)
-        _furniture(server, staged.floor_m)
+        _furniture(server, staged.floor_m, with_table=robot.floor_m is None)
         links = _robot(server, robot, positions)
         parts = _person(server, body_parts(staged.bodies))
         label = server.scene.add_label("/belief", "", position=(-0.2, 0.0, 0.95), anchor="bottom-center")
@@ -117,11 +117,12 @@ def _light_and_camera(server: viser.ViserServer, floor_m: float) -> None:
     server.initial_camera.fov = float(np.radians(30.0))
 
 
-def _furniture(server: viser.ViserServer, floor_m: float) -> None:
-    height = -0.145 - floor_m
-    server.scene.add_box("/table/top", TABLE_TOP, (0.60, 0.68, 0.04), position=(-0.12, 0.0, -0.125))
-    foot = (-0.14, 0.0, floor_m + height / 2)
-    server.scene.add_box("/table/foot", TABLE_FOOT, (0.40, 0.48, height), position=foot)
+def _furniture(server: viser.ViserServer, floor_m: float, *, with_table: bool) -> None:
+    if with_table:
+        height = -0.145 - floor_m
+        server.scene.add_box("/table/top", TABLE_TOP, (0.60, 0.68, 0.04), position=(-0.12, 0.0, -0.125))
+        foot = (-0.14, 0.0, floor_m + height / 2)
+        server.scene.add_box("/table/foot", TABLE_FOOT, (0.40, 0.48, height), position=foot)
     where = (0.4, 0.0, floor_m - 0.01)
     server.scene.add_cylinder("/floor", 1.3, 0.02, color=FLOOR, radial_segments=96, position=where)
 

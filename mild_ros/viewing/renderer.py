@@ -46,7 +46,7 @@ class Renderer:
             for index in range(bullet.getNumJoints(self._robot, physicsClientId=client))
         }
         self._parts: list[tuple[BodyPart, int]] = []
-        self._furniture(floor_m)
+        self._furniture(floor_m, with_table=robot.floor_m is None)
         self.place(dict(robot.rest), None)
 
     def add_person(self, parts: Sequence[BodyPart]) -> None:
@@ -118,11 +118,12 @@ class Renderer:
         colour = np.array(FLOOR) * (1.0 - 0.38 * shade[:, None])
         return (1.0 - fade) * colour + fade * np.array(BACKGROUND)
 
-    def _furniture(self, floor_m: float) -> None:
-        self._box((0.30, 0.34, 0.02), (-0.12, 0.0, -0.125), TABLE_TOP)
-        foot = 0.5 * (-0.145 - floor_m)
-        self._box((0.20, 0.24, foot), (-0.14, 0.0, floor_m + foot), TABLE_FOOT)
-        self._stands = [(-0.14, 0.0, 0.34)]
+    def _furniture(self, floor_m: float, *, with_table: bool) -> None:
+        if with_table:
+            self._box((0.30, 0.34, 0.02), (-0.12, 0.0, -0.125), TABLE_TOP)
+            foot = 0.5 * (-0.145 - floor_m)
+            self._box((0.20, 0.24, foot), (-0.14, 0.0, floor_m + foot), TABLE_FOOT)
+        self._stands = [(-0.14, 0.0, 0.34) if with_table else (0.0, 0.0, 0.28)]
         self._floor = self._box((4.0, 4.0, 0.01), (0.0, 0.0, floor_m - 0.01), (0.8, 0.8, 0.8, 1.0))
 
     def _box(self, half_m: Sequence[float], centre_m: Sequence[float], colour: Sequence[float]) -> int:

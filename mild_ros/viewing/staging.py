@@ -89,7 +89,7 @@ def stage(run: RecordedRun, perception: Perception, manifest: Manifest, robot: R
         track=track,
         home=dict(robot.rest) | dict(zip(robot.joint_names, robot.home_rad.tolist(), strict=True)),
         gap_m=np.linalg.norm(tool - hand, axis=1),
-        floor_m=floor_height(bodies),
+        floor_m=floor_height(bodies) if robot.floor_m is None else robot.floor_m,
         interaction=interaction,
         motions=run.motions,
         start_ns=run.start_ns,

@@ -7,23 +7,27 @@ from pathlib import Path
 
 import numpy as np
 
-from mild_core.inference.manifest import Manifest
+from mild_core.inference.manifest import ControlledAgent, Manifest
 from mild_core.inference.model import save_model
 from mild_core.retargeting.robots import ROBOTS
 from mild_core.shapes import FloatArray
 from mild_ros.scenes import SCENES, arm_track
 from test.core.inference.random_model import manifest, paper_member, random_arrays
 
+YUMI = ControlledAgent("robot_joints", "yumi", ROBOTS["yumi"].joint_names, "rad")
 
-def save_random_model(folder: Path) -> Path:
-    """A model of the paper's shape that knows the arm of our scenes and moves the robot about its home."""
-    of = manifest((paper_member(),), components=6)
+
+def save_random_model(
+    folder: Path, controlled: ControlledAgent = YUMI, about: FloatArray = ROBOTS["yumi"].home_rad, scale: float = 1.0
+) -> Path:
+    """A model of the paper's shape that knows the arm of our scenes and moves `controlled` about a frame of values."""
+    of = manifest((paper_member(values=controlled.values),), components=6, controlled=controlled)
     arrays = random_arrays(of)
     windows = np.concatenate([_windows(arm_track(scene, of.rate_hz), of) for scene in SCENES])
     arrays["member_0.encoder.input.mean"] = windows.mean(axis=0)
     arrays["member_0.encoder.input.scale"] = windows.std(axis=0) + 0.05
-    arrays["member_0.decoder.output.mean"] = np.tile(ROBOTS["yumi"].home_rad, of.window)
-    arrays["member_0.decoder.output.scale"] = np.full(of.controlled.values * of.window, 1.0)
+    arrays["member_0.decoder.output.mean"] = np.tile(about, of.window)
+    arrays["member_0.decoder.output.scale"] = np.full(of.controlled.values * of.window, scale)
     arrays["member_0.latent_radius"] = np.full(len(of.interactions), 100.0)  # everything is known
     save_model(folder, of, arrays, "# Random\n\nNot trained.\n")
     return folder

@@ -23,7 +23,7 @@ from mild_ros.messages.joint_state import (
     joint_measurement_from_msg,
     joint_measurement_to_msg,
 )
-from mild_ros.messages.motion import motion_from_msgs, motion_state_to_msg, motion_to_msg
+from mild_ros.messages.motion import motion_from_msgs, motion_state_to_msg, motion_to_msg, motion_type
 from mild_ros.messages.person import person_from_msg, person_to_msg
 from mild_ros.messages.stamps import duration_to_msg, ns_from_msg, time_to_msg
 
@@ -106,6 +106,39 @@ def test_motion_survives(sent, frames, lead_ns, interaction):
     motion = motion_of(frames, lead_ns, interaction)
     messages = sent(motion_to_msg(motion)), sent(motion_state_to_msg(motion, INTERACTIONS))
     same(motion_from_msgs(*messages), motion)
+
+
+def arm_motion_of(frames: int) -> MotionWindow:
+    random = np.random.default_rng(3)
+    positions, covariance = random.normal(size=(frames, 3, 3)), random.normal(size=(9, 9))
+    return dataclasses.replace(
+        motion_of(frames, 25_000_000), joint_names=JOINTS, positions=positions, covariance=covariance
+    )
+
+
+@ROADS
+@pytest.mark.parametrize("frames", [1, 40])
+def test_a_motion_of_a_partner_survives(sent, frames):
+    motion = arm_motion_of(frames)
+    message = motion_to_msg(motion)
+    assert isinstance(message, motion_type("human_arm"))
+    assert (message.height, message.width, len(message.fields)) == (frames, 3, 3)
+    same(motion_from_msgs(sent(message), sent(motion_state_to_msg(motion, INTERACTIONS))), motion)
+
+
+@pytest.mark.parametrize("fault", ["empty", "four joints", "state of joints"])
+def test_a_partner_that_does_not_fit_is_bad_data(fault):
+    motion = arm_motion_of(3)
+    message, state = motion_to_msg(motion), motion_state_to_msg(motion, INTERACTIONS)
+    if fault == "empty":
+        message.height, message.data = 0, []
+    elif fault == "four joints":
+        message.height, message.width = 1, 9
+    else:
+        state = motion_state_to_msg(motion_of(3, 0), INTERACTIONS)
+    with pytest.raises(DataError) as caught:
+        motion_from_msgs(message, state)
+    assert caught.value.reason == "wrong_layout"
 
 
 def test_motion_reads_as_a_plain_trajectory():

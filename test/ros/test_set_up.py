@@ -31,7 +31,7 @@ def refused(node: NodeProcess, message: str) -> None:
 @pytest.mark.parametrize(
     ("name", "parameters", "words", "message"),
     [
-        ("retargeting", {"robot": "yummy"}, (), "parameter robot: 'yummy' is unknown; did you mean 'yumi'?"),
+        ("retargeting", {"robot": "yummy"}, (), "robot: 'yummy' is unknown; did you mean 'yumi'?"),
         (
             "retargeting",
             {"control_rate_hz": 0.0},

@@ -33,8 +33,8 @@ ELBOW_PITCH_RAD = -0.157079
 FLOOR_M = -0.82
 """Height of the floor in `base_link`, which lies in the trunk."""
 
-HOME_RAD = (1.55, -0.12, 1.2, 0.15, 0.0)
-"""The arm hangs relaxed beside the body, its elbow a little bent."""
+HOME_RAD = (1.59, -0.16, 1.34, 0.24, 0.0)
+"""The arm hangs relaxed beside the body as people's do: the median of NuiSI's first frames, mapped, to 0.01 rad."""
 
 HAND_OPEN = 0.98
 """Position of `RHand` and `LHand` with open fingers."""

@@ -33,16 +33,18 @@ def dense(sizes: tuple[int, ...], prefix: str = "hidden") -> tuple[LayerSpec, ..
     )
 
 
-def paper_member(window: int = 40, latent: int = 5, hidden: tuple[int, ...] = (250, 150)) -> dict[str, NetworkSpec]:
-    """Networks of the paper's shape for three joints and seven angles."""
+def paper_member(
+    window: int = 40, latent: int = 5, hidden: tuple[int, ...] = (250, 150), values: int = 7
+) -> dict[str, NetworkSpec]:
+    """Networks of the paper's shape for three joints and seven angles, or as many `values` of a frame."""
     size = 9 * window
     encoder = (
         LayerSpec("normalise", "input", size, size),
         *dense((size, *hidden, latent + latent * (latent + 1) // 2)),
     )
     decoder = (
-        *dense((latent, *reversed(hidden), 7 * window)),
-        LayerSpec("denormalise", "output", 7 * window, 7 * window),
+        *dense((latent, *reversed(hidden), values * window)),
+        LayerSpec("denormalise", "output", values * window, values * window),
     )
     return {"encoder": NetworkSpec(("window",), encoder), "decoder": NetworkSpec(("controlled",), decoder)}
 

@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A partner's arm becomes commands of a robot: in its directions, inside every limit, refused by who has no arm."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from mild_core.errors import SetupError
+from mild_core.retargeting.arm_following import LinkFollower
+from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.robots.pepper import PEPPER
+from mild_core.retargeting.robots.yumi import YUMI
+from mild_core.retargeting.stage import Retargeting
+from mild_core.shapes import FloatArray
+from mild_core.signals import ARM_JOINTS, JointCommand, JointMeasurement, MotionWindow
+from test.core.retargeting.limits import check_limits
+from test.core.retargeting.perfect import START_NS, TICK_NS, window
+
+assert PEPPER.arm is not None
+HANGING = np.array(PEPPER.arm.directions((1.59, -0.16), (1.34, 0.24)))
+AHEAD = np.array([[1, -0.4, -0.6], [1, -0.2, 0.6]])
+"""Directions of upper arm and forearm that Pepper can take."""
+
+YUMI_ARM = replace(YUMI, arm_links=("yumi_link_1_r", "yumi_link_4_r"))
+"""A robot with seven joints and no closed form."""
+
+
+def arm(bones: FloatArray) -> FloatArray:
+    """(..., 3, 3) shoulder, elbow, hand of a person with these bones (..., 2, 3), each 28 cm long."""
+    lengths = np.linalg.norm(bones, axis=-1, keepdims=True)
+    return np.concatenate([np.zeros((*bones.shape[:-2], 1, 3)), np.cumsum(0.28 * bones / lengths, axis=-2)], axis=-2)
+
+
+def arm_window(arm_m: FloatArray, stamp_ns: int) -> MotionWindow:
+    return window(np.asarray(arm_m, dtype=np.float64), stamp_ns, joint_names=ARM_JOINTS)
+
+
+def followed(robot: RobotModel, windows: list[FloatArray]) -> tuple[str, list[JointCommand]]:
+    """The last outcome, and the commands while these windows come at the model's rate."""
+    retargeting = Retargeting(robot)
+    home = JointMeasurement(START_NS, robot.joint_names, robot.home_rad)
+    state, _ = retargeting.step(retargeting.init(), home, START_NS)
+    outcome, commands, now_ns = "", [], START_NS
+    for rows in windows:
+        now_ns += TICK_NS
+        state, new = retargeting.step(state, arm_window(rows, now_ns), now_ns)
+        outcome, commands = state.outcome, [*commands, *new]
+        for _ in range(2):
+            now_ns += TICK_NS
+            state, new = retargeting.step(state, None, now_ns)
+            commands += new
+    return outcome, commands
+
+
+def test_pepper_does_what_the_partner_does() -> None:
+    share = np.clip(np.linspace(-0.2, 2.0, 80), 0.0, 1.0)[:, None, None]
+    rows = arm((1 - share) * HANGING + share * AHEAD)
+    outcome, commands = followed(PEPPER, [np.stack([row] * 5) for row in rows])
+    assert outcome == "accepted"
+    check_limits(PEPPER, commands)
+    pitch, roll, yaw, bend = commands[-1].positions_rad.tolist()
+    for got, wanted in zip(PEPPER.arm.directions((pitch, roll), (yaw, bend)), AHEAD, strict=True):
+        # It has arrived: what is left is the elbow's slack, far below a degree.
+        assert np.dot(got, wanted) / np.linalg.norm(wanted) > np.cos(np.radians(0.5))
+
+
+def test_a_robot_without_a_closed_form_points_where_it_can() -> None:
+    _, commands = followed(YUMI_ARM, [np.stack([arm(AHEAD)] * 5)] * 100)
+    check_limits(YUMI_ARM, commands)
+    follower = LinkFollower(YUMI_ARM)
+    here = tuple(commands[-1].positions_rad.tolist())
+    # Nothing is left to do: the solver stays where the commands have come to.
+    np.testing.assert_allclose(follower.joints(arm(AHEAD), here), here, atol=0.02)
+
+
+def test_a_robot_that_says_nothing_of_its_arm_takes_no_partner() -> None:
+    outcome, commands = followed(YUMI, [np.stack([arm(AHEAD)] * 5)])
+    assert outcome == "wrong_joints"
+    assert all(command.mode == "idle" for command in commands)
+    with pytest.raises(SetupError, match="which links are shoulder and elbow"):
+        LinkFollower(YUMI)
+
+
+def test_a_shoulder_that_moves_is_refused() -> None:
+    with pytest.raises(SetupError, match="moves with the arm"):
+        LinkFollower(replace(YUMI, arm_links=("yumi_link_4_r", "yumi_link_6_r")))
+
+
+@pytest.mark.parametrize("follower", [PEPPER.arm, LinkFollower(YUMI_ARM)], ids=["closed form", "links"])
+@pytest.mark.parametrize("elbow", [0.0, 50.0], ids=["collapsed", "far away"])
+def test_a_lost_arm_moves_nothing(follower: LinkFollower, elbow: float) -> None:
+    lost = arm(AHEAD)
+    lost[1] = elbow
+    assert follower.joints(lost, (0.1, 0.2, 0.3, 0.4)) == (0.1, 0.2, 0.3, 0.4)
+
+
+SEEDS = st.lists(st.tuples(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.01, 0.3, 3.0])), min_size=3, max_size=15)
+
+
+@settings(max_examples=25, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@given(SEEDS)
+def test_any_arms_give_commands_inside_every_limit(seeds: list[tuple[int, float]]) -> None:
+    windows = [np.random.default_rng(seed).normal(0.0, size, (5, 3, 3)) for seed, size in seeds]
+    outcome, commands = followed(PEPPER, windows)
+    assert outcome == "accepted"
+    check_limits(PEPPER, commands)
