@@ -27,8 +27,11 @@ from mild_core.shapes import FloatArray
 APART_M = 0.02
 """Parts of the robot stay this far apart: what stopping and a controller's tracking error may take from it."""
 
-HEAD_RADIUS_M, TRUNK_RADIUS_M = 0.12, 0.17
-"""Of an adult. Source: 95th percentiles of head length and chest depth, DIN 33402-2."""
+HEAD_RADIUS_M, TRUNK_RADIUS_M = 0.12, 0.14
+"""Of an adult. Source: halves of the 95th percentiles of head length and chest depth, DIN 33402-2, rounded up."""
+
+HAND_ROOM_M = 0.05
+"""The robot's hand is sent no nearer to what is kept than this, as it is thicker than a point."""
 
 WORSE_M = 1e-6
 """Less than this is not worse: rounding."""
@@ -124,6 +127,17 @@ class Guard:
             if there[NEAR] < self.settings.near_m and there[SPEED] > self.settings.near_speed_m_s:
                 return "refused_speed", here[NEAR]
         return "", here[NEAR]
+
+    def outside(self, point_m: FloatArray, body: Body) -> FloatArray:
+        """(3,) the point, or the nearest one at which the robot's hand keeps out of head and trunk."""
+        for (start, end, _), (radius_m, _) in zip(body.capsules_m, SIZES_M, strict=True):
+            along = end - start
+            share = min(max(float((point_m - start) @ along) / max(float(along @ along), 1e-9), 0.0), 1.0)
+            away = point_m - (start + share * along)
+            distance_m, least_m = math.hypot(*away), radius_m + self.settings.keep_out_m + HAND_ROOM_M
+            if 1e-6 < distance_m < least_m:
+                point_m = point_m + away * (least_m / distance_m - 1.0)
+        return point_m
 
     def paced(self, from_rad: FloatArray, to_rad: FloatArray, near_m: float, elapsed_s: float) -> FloatArray:
         """(J,) as far from one target towards the next as the hand may go near the person, so that nothing is refused.

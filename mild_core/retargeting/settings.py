@@ -61,7 +61,7 @@ class RetargetingSettings:
     displaced_rad: float = 0.35
     displaced_after_s: float = 0.3
     ik: Mix = "blend"
-    keep_out_m: float = 0.1
+    keep_out_m: float = 0.05
     near_m: float = 0.3
     near_speed_m_s: float = 0.8
     still_after_s: float = 3.0

@@ -119,6 +119,9 @@ class Retargeting:
         if elapsed_s > self.settings.max_gap_s:
             state, elapsed_s = after_gap(state, motion, now_ns), 0.0
             motion = state.motion or motion
+        if state.plan is not None and state.near_m > self.settings.near_m:
+            # While the robot is near the person nobody jumps aside, whatever is recognised.
+            state = replace(state, place=state.plan.interaction)
         state = self._in_next_mode(with_rest(state, self.settings, now_ns), motion, now_ns)
         try:
             state, motion = self._advanced(state, motion, now_ns, elapsed_s)
@@ -191,7 +194,7 @@ class Retargeting:
         touch = None
         if self._contact is not None and self.standing is not None:
             touches = plan.interaction in self.standing.by_interaction and np.isfinite(body.hand_m).all()
-            hand_m = body.hand_m if touches else None
+            hand_m = self._guard.outside(body.hand_m, body) if touches else None
             target, touch = self._contact.aim(target, plan.covariance, hand_m, state.touch, elapsed_s)
             target = np.minimum(np.maximum(target, self._lower), self._upper)
         from_rad = np.array(motion.position_rad if state.target_rad is None else state.target_rad)
@@ -210,7 +213,7 @@ class Retargeting:
         hand = sight.hand_at(now_ns + round(settings.look_ahead_s * 1e9)) if seen else np.full(3, np.nan)
         points = np.stack([hand, *sight.body_m])
         if self.standing is not None:
-            points = self.standing.placed(points, sight.frame_id, state.plan.interaction if state.plan else "")
+            points = self.standing.placed(points, sight.frame_id, state.place)
         return body_of(points[0], points[1:])
 
     def _at_home(self, motion: JointMotion) -> bool:

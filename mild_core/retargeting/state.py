@@ -51,6 +51,7 @@ class RetargetingState:
         sight: What is known of the person from all poses before that one.
         touch: How far the hands have been brought together; None when they are not.
         target_rad: Where the joints were last sent while following: J positions; None at the start.
+        place: The interaction whose place before the robot the person is taken to stand at.
         near_m: How near the robot's hand was to the person at the newest command that moves.
         counts: Events by reason since the start.
         outcome: What became of the newest input: a key of `counts`.
@@ -74,6 +75,7 @@ class RetargetingState:
     sight: Sight | None = None
     touch: Touch | None = None
     target_rad: Joints | None = None
+    place: str = ""
     near_m: float = math.inf
     counts: Mapping[str, int] = field(default_factory=dict)
     outcome: str = ""

@@ -6,12 +6,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from mild_core.retargeting.guard import NOBODY, Guard
+from mild_core.retargeting.limiter import JointMotion
+from mild_core.retargeting.person import Standing
 from mild_core.retargeting.robots.yumi import YUMI
-from mild_core.retargeting.stage import Request, Retargeting, RetargetingState
-from mild_core.signals import JointCommand, JointMeasurement, MotionWindow
+from mild_core.retargeting.stage import Request, Retargeting, RetargetingInput, RetargetingState
+from mild_core.signals import ARM_FRAME, ROBOT_FRAME, JointCommand, PersonPose
 from test.core.retargeting.limits import ROUNDING_RAD, check_limits
 from test.core.retargeting.perfect import START_NS, measurement, window
 
@@ -37,13 +41,28 @@ EVENTS = st.builds(
     Event,
     PAUSES_NS,
     st.sampled_from(["tick"] * 6 + ["motion"] * 5 + ["jump", "unknown", "broken", "old", "measured", "moved", "lost"])
-    | st.sampled_from(["enable", "disable", "reset"]),
+    | st.sampled_from(["enable", "disable", "reset", "hold", "release"] + ["person"] * 5 + ["reaching"] * 5),
     st.sampled_from([0.01, 0.2, 1.0, 20.0]),
     st.integers(0, 2**32 - 1),
 )
 
 
-def _given(event: Event, state: RetargetingState, now_ns: int) -> MotionWindow | JointMeasurement | Request | None:
+STANDING = Standing((0.9, 0.1, 0.7), np.pi, {"handshake": (0.7, 0.0, 0.6)})
+"""Nearer than anybody should stand, so that everything is met that can be met."""
+
+
+def _pose(event: Event, rng: np.random.Generator, stamp_ns: int) -> PersonPose:
+    """A person anywhere, or one whose hand comes near the robot's home; now and then a part is hidden or broken."""
+    near = event.kind == "reaching"
+    hand = rng.normal([0.35, 0.2, -0.5] if near else 0.0, 0.1 if near else event.size, 3)
+    parts = [hand, *rng.normal([[0.0, 0.2, 0.2], [0.0, 0.2, 0.0], [0.0, 0.2, -0.5]], 0.1 * event.size)]
+    if rng.random() < 0.2:
+        parts[rng.integers(4)] = np.full(3, rng.choice([np.nan, np.inf]))
+    frame = rng.choice([ARM_FRAME, ROBOT_FRAME, "nowhere"], p=[0.7, 0.2, 0.1])
+    return PersonPose(stamp_ns, str(frame), parts[0], parts[1], np.array(parts[2:]))
+
+
+def _given(event: Event, state: RetargetingState, now_ns: int) -> RetargetingInput:
     rng = np.random.default_rng(event.seed)
     here = np.array(YUMI.home_rad if state.motion is None else state.motion.position_rad)
     walk = here + np.cumsum(rng.normal(0.0, event.size / 6, (40, 7)), axis=0)
@@ -66,16 +85,33 @@ def _given(event: Event, state: RetargetingState, now_ns: int) -> MotionWindow |
             return measurement(rng.uniform(YUMI.lower_rad, YUMI.upper_rad), now_ns)
         case "lost":
             return measurement(np.full(7, np.nan), now_ns)
-        case "enable" | "disable" | "reset":
+        case "person" | "reaching":
+            return _pose(event, rng, stamp_ns)
+        case "enable" | "disable" | "reset" | "hold" | "release":
             return Request(event.kind)
     return None
+
+
+@pytest.fixture(scope="module")
+def retargeting() -> Retargeting:
+    return Retargeting(YUMI, standing=STANDING)
+
+
+BETWEEN_M = 0.01
+"""How much nearer parts may come between the three places at which a stop is looked at; APART_M is twice that."""
+
+
+def check_clearance(retargeting: Retargeting, commands: list[JointCommand]) -> None:
+    """Assert that parts of the robot never come nearer to each other than they may, or than they were at first."""
+    motions = [JointMotion.at_rest(tuple(command.positions_rad.tolist())) for command in commands]
+    clear_m = Guard(YUMI, retargeting.settings).seen(motions, NOBODY)[:, 0]
+    assert clear_m.min() >= min(0.0, clear_m[0]) - BETWEEN_M
 
 
 # Each run tells the same stories; two thousand others were told once.
 @settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(st.lists(EVENTS, min_size=20, max_size=150))
-def test_commands_are_continuous_and_inside_every_limit(events: list[Event]) -> None:
-    retargeting = Retargeting(YUMI)
+def test_commands_are_continuous_and_inside_every_limit(retargeting: Retargeting, events: list[Event]) -> None:
     state, now_ns = retargeting.init(), START_NS
     state, _ = retargeting.step(state, measurement(YUMI.home_rad), now_ns)
     runs: list[list[JointCommand]] = [[]]
@@ -98,11 +134,13 @@ def test_commands_are_continuous_and_inside_every_limit(events: list[Event]) -> 
     for run in runs:
         if run:
             check_limits(YUMI, run)
+            check_clearance(retargeting, run)
     assert sum(state.counts[outcome] for outcome in OUTCOMES if outcome in state.counts) == len(events) + 1
     assert "no_plan" not in state.counts
 
 
 OUTCOMES = (
     *("tick", "accepted", "unknown", "too_old", "from_future", "out_of_order", "not_finite", "wrong_joints"),
+    *("person", "unknown_frame", "held", "released"),
     *("measured", "enabled", "disabled", "reset", "not_enabled", "no_joint_states", "outside_limits"),
 )
