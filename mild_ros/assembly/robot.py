@@ -73,11 +73,14 @@ def _from_topic(topic: str) -> Path:
 
     from mild_ros.quality_of_service import LATCHED
 
-    node = rclpy.create_node("robot_description_reader")
+    context = rclpy.Context()  # of its own: replay in process has none
+    context.init()
+    node = rclpy.create_node("robot_description_reader", context=context)
     try:
         came, message = wait_for_message(String, node, topic, qos_profile=LATCHED, time_to_wait=PATIENCE_S)
     finally:
         node.destroy_node()
+        context.try_shutdown()
     if not came:
         problem = f"nothing came on topic '{topic}' within {PATIENCE_S:g} s"
         raise SetupError("parameter robot_description", problem, "start robot_state_publisher, or give a path")
