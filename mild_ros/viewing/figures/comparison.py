@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 
 from mild_ros.viewing.figures.style import BLUE, GREY, INK, PAGE_IN, VERMILION, figure, rule, spoken
 
@@ -32,7 +33,10 @@ def draw_comparison(table: Mapping[str, Any], path: Path) -> None:
                 colour = BLUE if row["method"] == OURS else GREY
                 (_dot if name else _interval)(axes, row, name, place, colour)
             rule(axes, "x")
-            axes.set_xlim(left=0.0)
+            axes.set_xlim(0.0, axes.get_xlim()[1] * (1.05 if name else 1.12))
+            axes.set_ylim(-0.6, len(rows) - 0.4)
+            axes.xaxis.set_major_locator(MaxNLocator(2 if name else 4))
+            axes.xaxis.set_major_formatter("{x:g}")
             axes.set_title(spoken(name) or f"mean over interactions [{UNITS[table['unit']]}]")
             axes.tick_params(axis="y", length=0)
             _mark_bar(axes, rows, name)

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mild_core.shapes import FloatArray
-from mild_ros.viewing.figures.style import BLUE, INK, PAGE_IN, SKY, figure, rule
+from mild_ros.viewing.figures.style import BLUE, INK, PAGE_IN, SKY, figure, rule, spoken
 
 NINE_IN_TEN = 1.645
 """Deviations to either side of a normal that hold 90 %."""
 
-COLUMNS = 3
+COLUMNS = (3, 4)
+"""Panels beside each other: the first that leaves none empty, or else the last."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,25 +41,25 @@ class Motion:
 
 def draw_joints(motion: Motion, path: Path, title: str) -> None:
     """Write the figure, a panel per value."""
-    rows = -(-len(motion.names) // COLUMNS)
-    with figure(PAGE_IN, 0.7 + 1.15 * rows, path, title) as made:
-        panels = made.subplots(rows, COLUMNS, sharex=True, squeeze=False).ravel()
+    columns = next((count for count in COLUMNS if len(motion.names) % count == 0), COLUMNS[-1])
+    rows = -(-len(motion.names) // columns)
+    with figure(PAGE_IN, 0.8 + 1.2 * rows, path, title) as made:
+        panels = made.subplots(rows, columns, sharex=True, squeeze=False).ravel()
         for column, (axes, name) in enumerate(zip(panels, motion.names, strict=False)):
             middle, spread = motion.predicted[:, column], NINE_IN_TEN * motion.deviation[:, column]
             region = (middle - spread, middle + spread)
             axes.fill_between(motion.predicted_s, *region, color=SKY, alpha=0.35, lw=0, label="90 % region")
             axes.plot(motion.true_s, motion.true[:, column], color=INK, lw=1.0, label="recorded")
             axes.plot(motion.predicted_s, middle, color=BLUE, label="predicted")
-            axes.set_title(name)
+            axes.set_title(spoken(name))
             axes.set_ylim(*_limits(motion.true[:, column], middle))
             axes.set_xlim(float(motion.true_s[0]), float(motion.true_s[-1]))
             rule(axes)
         for axes in panels[len(motion.names) :]:
             axes.set_visible(False)
-        for axes in panels[max(0, len(motion.names) - COLUMNS) : len(motion.names)]:
+        for axes in panels[-columns:]:
             axes.set_xlabel("time [s]")
-            axes.tick_params(labelbottom=True)
-        for axes in panels[::COLUMNS]:
+        for axes in panels[::columns]:
             axes.set_ylabel(f"[{motion.unit}]")
         handles, labels = panels[0].get_legend_handles_labels()
         made.legend(handles, labels, loc="outside lower right", ncols=3)

@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.patches import Ellipse
+from matplotlib.patheffects import withStroke
 
 from mild_core.shapes import FloatArray
 from mild_ros.viewing.figures.style import INK, PAGE_IN, VERMILION, figure, spoken
@@ -82,7 +83,8 @@ def _panel(axes: Axes, space: LatentSpace, origin: FloatArray, plane: FloatArray
         at = (mean - origin) @ plane
         angle = float(np.degrees(np.arctan2(vectors[1, 0], vectors[0, 0])))
         axes.add_patch(Ellipse((at[0], at[1]), width, height, angle=angle, fill=False, ec=VERMILION, lw=0.9))
-        axes.annotate(str(number), at, ha="center", va="center", fontsize=6.5, fontweight="bold", color=INK)
+        label = axes.annotate(str(number), at, ha="center", va="center", fontsize=6.5, fontweight="bold", color=INK)
+        label.set_path_effects([withStroke(linewidth=1.6, foreground="white")])
     axes.autoscale_view()
     axes.set_xticks([])
     axes.set_yticks([])
