@@ -71,15 +71,10 @@ def train(
     The folder then works wherever a model is named: `ros2 run mild_ros pipeline --ros-args -p model:=my_model`. Without
     --errors the uncertainty is measured on the training trials themselves and so too small; the card says so.
     """
-    from mild_core.learning.configuration import read_configuration
     from mild_core.learning.datasets import DATASETS
 
-    asked = read_configuration(config)
-    if asked.start_from:
-        asked = replace(asked, start_from=str(model_folder(asked.start_from)))
+    asked = _asked(config, seed, epochs, members)
     settings = asked.settings
-    settings = replace(settings, epochs=epochs or settings.epochs, members=members or settings.members)
-    asked = replace(asked, settings=settings, seed=asked.seed if seed is None else seed)
     recording = DATASETS[asked.dataset]
     measured = _measured(errors, asked)
     path = data or recording.default_path()
@@ -96,6 +91,17 @@ def train(
     command = f"mild train --config {config} --seed {asked.seed} --epochs {settings.epochs}"
     command += f" --members {settings.members} --out {out}" + (f" --errors {errors}" if errors else "")
     _write(out, trained, trials, asked, measured, command)
+
+
+def _asked(config: str, seed: int | None, epochs: int, members: int) -> Configuration:
+    """The configuration with what the options change of it, and the folder of the model that it starts from."""
+    from mild_core.learning.configuration import read_configuration
+
+    asked = read_configuration(config)
+    settings = asked.settings
+    settings = replace(settings, epochs=epochs or settings.epochs, members=members or settings.members)
+    start_from = str(model_folder(asked.start_from)) if asked.start_from else ""
+    return replace(asked, settings=settings, seed=asked.seed if seed is None else seed, start_from=start_from)
 
 
 def _measured(path: Path | None, asked: Configuration) -> dict[str, Any]:
