@@ -69,6 +69,22 @@ TOPICS = (
         "positions [rad] and velocities [rad/s] inside every limit",
     ),
     Topic(
+        *("joint_trajectory", "trajectory_msgs/JointTrajectory", "retargeting", "JointTrajectoryController"),
+        "the next moments and then a smooth stop; with that in `outputs`",
+    ),
+    Topic(
+        *("position_command", "std_msgs/Float64MultiArray", "retargeting", "forward_command_controller"),
+        "positions [rad] in `position_order`; with that in `outputs`",
+    ),
+    Topic(
+        *("joint_angles", "naoqi_bridge_msgs/JointAnglesWithSpeed", "retargeting", "naoqi_driver"),
+        "Pepper's angles [rad]; with that in `outputs`",
+    ),
+    Topic(
+        *("robot_description", "std_msgs/String", "simulation", "tools"),
+        "the simulated robot's URDF, kept for late comers",
+    ),
+    Topic(
         *("joint_states", "sensor_msgs/JointState", "robot, simulation or replay", "retargeting"),
         "where the robot is; no command before the first",
     ),

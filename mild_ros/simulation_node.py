@@ -7,6 +7,7 @@ from typing import Any
 
 from rclpy.node import Node
 from sensor_msgs.msg import Image, JointState
+from std_msgs.msg import String
 
 from mild_core.errors import DataError
 from mild_core.signals import JointCommand
@@ -16,7 +17,7 @@ from mild_ros.diagnostics import Diagnostics
 from mild_ros.messages.image import image_to_msg
 from mild_ros.messages.joint_state import joint_command_from_msg, joint_measurement_to_msg
 from mild_ros.parameters import declare
-from mild_ros.quality_of_service import COMMAND, STATE
+from mild_ros.quality_of_service import COMMAND, LATCHED, STATE
 from mild_ros.running import run
 from mild_ros.settings import SimulationParameters
 from mild_ros.simulation.backend import Camera, scene_of
@@ -41,6 +42,9 @@ class SimulationNode(Node):
         self._stepped_ns: int | None = None
         self._diagnostics = Diagnostics(self, expected=("joint_command",), hardware_id=f"simulated {robot.name}")
         self._states = self.create_publisher(JointState, "joint_states", STATE)
+        if not parameters.robot_description.startswith("topic:"):
+            self._description = self.create_publisher(String, "robot_description", LATCHED)
+            self._description.publish(String(data=robot.urdf_path.read_text()))
         self._time = NodeClock(self, self._diagnostics, self._on_tick, parameters.rate_hz)
         self._publish(self._time.now_ns())
         if parameters.camera_rate_hz:

@@ -18,9 +18,14 @@ DISTRIBUTIONS = {
     "ament_index_python": "ros-ament-index-python",
     "pink": "pin-pink",
     "pinocchio": "pin",
+    "launch": "ros-launch",
+    "launch_ros": "ros-launch-ros",
     "rclpy": "ros-rclpy",
 }
 """Where the package's name is not the module's."""
+
+ONLY_IN_ROS = ("ros-launch", "ros-launch-ros")
+"""What `ros2 launch` brings along: whoever reads a launch file has it, and the package index has not."""
 
 ROSDEP_KEYS = {
     "hypothesis": "python3-hypothesis",
@@ -79,7 +84,7 @@ def undeclared(root: Path) -> list[str]:
     for name, place in sorted(imported(root).items()):
         of_ros = name.startswith("ros-")
         key = ROSDEP_KEYS.get(name, name.removeprefix("ros-").replace("-", "_") if of_ros else None)
-        if name not in locked:
+        if name not in locked and name not in ONLY_IN_ROS:
             found.append(f"{place}: {name} is in no lock")
         if not of_ros and name not in required:
             found.append(f"{place}: {name} is not in setup.py")

@@ -61,12 +61,16 @@ class NodeProcess:
 
 
 class Probe:
-    """A node inside the test: publishes, listens, calls services, always with a deadline."""
+    """A node inside the test: publishes, listens, calls services, always with a deadline.
 
-    def __init__(self) -> None:
+    Args:
+        namespace: Before the names of its topics.
+    """
+
+    def __init__(self, namespace: str = "") -> None:
         self._context = rclpy.Context()
         rclpy.init(context=self._context)
-        self.node = Node("probe", context=self._context)
+        self.node = Node("probe", namespace=namespace, context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
 

@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A tracker and a robot that are there: all three stages, in one process.
+
+ros2 launch mild_ros live.launch.py skeleton:=/k4a/body_tracking_data config:=yumi_abb
+ros2 launch mild_ros live.launch.py namespace:=left skeleton:=/camera_left/bodies joint_states:=/yumi_l/joint_states
+"""
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterFile
+from launch_ros.substitutions import FindPackageShare
+
+ARGUMENTS = {
+    "namespace": ("", "Before every name: one for each robot and its person."),
+    "config": ("yumi", "Parameters: a name in share/mild_ros/config, or a path without `.yaml`."),
+    "skeleton": ("skeleton", "Topic of the tracker."),
+    "joint_states": ("joint_states", "Topic where the robot says where it is."),
+    "joint_command": ("joint_command", "Topic of the commands."),
+    "trajectory": ("joint_trajectory", "Topic of the JointTrajectoryController, if the configuration has that output."),
+    "use_sim_time": ("false", "Take the time from `/clock`."),
+}
+
+
+def generate_launch_description() -> LaunchDescription:
+    """What `ros2 launch` runs."""
+    given = {name: LaunchConfiguration(name) for name in ARGUMENTS}
+    config = ParameterFile([PathJoinSubstitution([FindPackageShare("mild_ros"), "config", given["config"]]), ".yaml"])
+    pipeline = Node(
+        package="mild_ros",
+        executable="pipeline",
+        name="pipeline",
+        namespace=given["namespace"],
+        parameters=[config, {"use_sim_time": given["use_sim_time"]}],
+        remappings=[
+            *((name, given[name]) for name in ("skeleton", "joint_states", "joint_command")),
+            ("joint_trajectory", given["trajectory"]),
+        ],
+        output="screen",
+    )
+    arguments = [
+        DeclareLaunchArgument(name, default_value=value, description=text) for name, (value, text) in ARGUMENTS.items()
+    ]
+    return LaunchDescription([*arguments, pipeline])

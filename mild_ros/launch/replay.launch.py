@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A bag in place of a tracker, and a simulated robot; ends when the bag does.
+
+ros2 launch mild_ros replay.launch.py bag:=bags/handshake
+ros2 launch mild_ros replay.launch.py bag:=old.bag skeleton_topic:=/bodies rate:=0.5 record:=what_happened
+"""
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, Shutdown
+from launch.conditions import IfCondition
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch.substitutions import (
+    LaunchConfiguration,
+    NotEqualsSubstitution,
+    PathJoinSubstitution,
+    PythonExpression,
+)
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+from launch_ros.substitutions import FindPackageShare
+
+ARGUMENTS = {
+    "namespace": ("", "Before every name: one for each robot and its person."),
+    "config": ("yumi", "Parameters: a name in share/mild_ros/config."),
+    "skeleton_topic": ("", "Topic of the skeletons in the bag; empty finds it by its type."),
+    "rate": ("1.0", "2.0 is twice as fast."),
+    "start_s": ("0.0", "How much of the beginning to skip."),
+    "loop": ("false", "Begin again after the end."),
+    "paused": ("false", "Wait until `replay/pause` is called with false."),
+    "gui": ("false", "Open a window with the robot."),
+    "record": ("", "Folder of a new bag with what happens; empty for none."),
+}
+
+
+def generate_launch_description() -> LaunchDescription:
+    """What `ros2 launch` runs."""
+    given = {name: LaunchConfiguration(name) for name in ("bag", *ARGUMENTS)}
+    simulated = PathJoinSubstitution([FindPackageShare("mild_ros"), "launch", "simulation.launch.py"])
+    simulation = IncludeLaunchDescription(
+        PythonLaunchDescriptionSource(simulated),
+        launch_arguments=[(name, given[name]) for name in ("namespace", "config", "gui")],
+    )
+    texts = {name: ParameterValue(given[name], value_type=str) for name in ("bag", "skeleton_topic")}
+    numbers = {name: ParameterValue(given[name], value_type=float) for name in ("rate", "start_s")}
+    flags = {name: ParameterValue(given[name], value_type=bool) for name in ("loop", "paused")}
+    recorders = PythonExpression(["2 if '", given["record"], "' else 1"])  # a recorder listens before the pipeline does
+    listeners = ParameterValue(recorders, value_type=int)
+    replay = Node(
+        package="mild_ros",
+        executable="replay",
+        name="replay",
+        namespace=given["namespace"],
+        parameters=[{**texts, **numbers, **flags, "subscribers": listeners, "patience_s": 300.0}],
+        output="screen",
+        on_exit=Shutdown(reason="the bag has ended"),
+    )
+    record = Node(
+        package="mild_ros",
+        executable="record",
+        name="record",
+        namespace=given["namespace"],
+        parameters=[{"bag": ParameterValue(given["record"], value_type=str)}],
+        output="screen",
+        condition=IfCondition(NotEqualsSubstitution(given["record"], "")),
+    )
+    arguments = [DeclareLaunchArgument("bag", description="Folder or file of the bag.")]
+    arguments += [
+        DeclareLaunchArgument(name, default_value=value, description=text) for name, (value, text) in ARGUMENTS.items()
+    ]
+    return LaunchDescription([*arguments, simulation, record, replay])

@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A tracker that is there and a simulated robot.
+
+ros2 launch mild_ros simulation.launch.py skeleton:=/k4a/body_tracking_data gui:=true
+"""
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterFile
+from launch_ros.substitutions import FindPackageShare
+
+ARGUMENTS = {
+    "namespace": ("", "Before every name: one for each robot and its person."),
+    "config": ("yumi", "Parameters: a name in share/mild_ros/config."),
+    "skeleton": ("skeleton", "Topic of the tracker."),
+    "gui": ("false", "Open a window with the robot."),
+    "use_sim_time": ("false", "Take the time from `/clock`."),
+}
+
+
+def generate_launch_description() -> LaunchDescription:
+    """What `ros2 launch` runs."""
+    given = {name: LaunchConfiguration(name) for name in ARGUMENTS}
+    share = FindPackageShare("mild_ros")
+    config = ParameterFile([PathJoinSubstitution([share, "config", given["config"]]), ".yaml"])
+    live = IncludeLaunchDescription(
+        PythonLaunchDescriptionSource(PathJoinSubstitution([share, "launch", "live.launch.py"])),
+        launch_arguments=[(name, given[name]) for name in ("namespace", "config", "skeleton", "use_sim_time")],
+    )
+    simulation = Node(
+        package="mild_ros",
+        executable="simulation",
+        name="simulation",
+        namespace=given["namespace"],
+        parameters=[config, {"gui": given["gui"], "use_sim_time": given["use_sim_time"]}],
+        output="screen",
+    )
+    arguments = [
+        DeclareLaunchArgument(name, default_value=value, description=text) for name, (value, text) in ARGUMENTS.items()
+    ]
+    return LaunchDescription([*arguments, live, simulation])
