@@ -25,7 +25,7 @@ TOPIC = "joint_command"
 ATTENTION = {
     Mode.WAITING: "waiting for joint_states: the robot has not said where it is",
     Mode.HOLDING: "holding: there is no motion to follow",
-    Mode.RETURNING: "going home: there has been no motion to follow",
+    Mode.HELD: "held: the operator stopped the robot; ~/hold releases it",
 }
 """Modes that an operator should know the reason of."""
 

@@ -24,7 +24,8 @@ REPEAT_S = 5.0
 UNREMARKABLE = {
     "perception": {"accepted", "calibrating", "calibrated", "nobody"},
     "inference": {"accepted"},
-    "retargeting": {"accepted", "tick", "measured", "person", "enabled", "disabled", "reset", "not_enabled"},
+    "retargeting": {"accepted", "tick", "measured", "person", "not_enabled"}
+    | {"enabled", "disabled", "reset", "held", "released"},
 }
 """Outcomes of a stage that need no warning; any other is an input that could not be used."""
 

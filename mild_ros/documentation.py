@@ -93,6 +93,14 @@ TOPICS = (
         "the simulated robot; only with `camera_rate_hz`",
     ),
     Topic(
+        *("mode", "std_msgs/String", "retargeting", "operators"),
+        "waiting, idle, ready, following, holding, returning, disabled or held; kept for late comers",
+    ),
+    Topic(
+        *("stiffness", "std_msgs/Float64", "retargeting", "robot or simulation"),
+        "a hint: 1 while the arm moves by itself, down to 0.3 while hands touch; kept for late comers",
+    ),
+    Topic(
         *("handled", "std_msgs/Header", "every stage", "replay"),
         "the fate of each input, for a replay in lock-step; only with `report_handled`",
     ),

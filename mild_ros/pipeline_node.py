@@ -19,6 +19,7 @@ from mild_ros.clock import NodeClock
 from mild_ros.commanding import Commanding
 from mild_ros.diagnostics import Diagnostics
 from mild_ros.fates import Fates
+from mild_ros.life_topics import LifeTopics
 from mild_ros.messages.stamps import ns_from_msg
 from mild_ros.motion_topics import InsideTopics, MotionTopics
 from mild_ros.parameters import declare
@@ -44,6 +45,7 @@ class PipelineNode(Node):
         self._diagnostics.facts["model"] = parameters.model
         self._fates = Fates(self, parameters.report_handled)
         self._commanding = Commanding(self, self._diagnostics, self._request, parameters, self._pipeline.retargeting)
+        self._life = LifeTopics(self, self._request)
         topics = MotionTopics(self, model.manifest, self._diagnostics)
         self._inside = InsideTopics(self, topics, parameters.publish_intermediate)
         self._time = NodeClock(self, self._diagnostics, self._on_tick, parameters.control_rate_hz)
@@ -80,6 +82,7 @@ class PipelineNode(Node):
     def _step(self, given: PipelineInput, now_ns: int) -> PipelineOutput:
         before = self._state
         self._state, output = self._pipeline.step(before, given, now_ns)
+        self._life.tell(self._state.retargeting, output.commands)
         self._commanding.send(output.commands, self._state.retargeting)
         for stage in ("perception", "inference", "retargeting"):
             after = getattr(self._state, stage)

@@ -19,6 +19,7 @@ from mild_ros.clock import NodeClock
 from mild_ros.commanding import Commanding
 from mild_ros.diagnostics import Diagnostics
 from mild_ros.fates import Fates
+from mild_ros.life_topics import LifeTopics
 from mild_ros.messages.motion import motion_from_msgs, motion_type
 from mild_ros.messages.person import person_from_msg
 from mild_ros.messages.stamps import ns_from_msg
@@ -41,6 +42,7 @@ class RetargetingNode(Node):
         self._diagnostics = Diagnostics(self, ("motion", "joint_states"), parameters.robot, self._look)
         self._fates = Fates(self, parameters.report_handled)
         self._commanding = Commanding(self, self._diagnostics, self._request, parameters, self._stage)
+        self._life = LifeTopics(self, self._request)
         self._time = NodeClock(self, self._diagnostics, self._on_tick, parameters.control_rate_hz)
         pairs = StampPairs(self._on_motion, self._on_single)
         self.create_subscription(PointCloud2, "person", self._on_person, BETWEEN_STAGES)
@@ -86,6 +88,7 @@ class RetargetingNode(Node):
 
     def _step(self, given: RetargetingInput, now_ns: int, stamp_ns: int) -> None:
         self._state, commands = self._stage.step(self._state, given, now_ns)
+        self._life.tell(self._state, commands)
         self._commanding.send(commands, self._state)
         self._fates.report("retargeting", 0, self._state.outcome, stamp_ns)
         self._diagnostics.ended("retargeting", self._state.outcome, self._state.counts)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from mild_core.perception.settings import PerceptionSettings
 from mild_core.perception.skeletons import SOURCES
-from mild_core.retargeting.settings import RetargetingSettings
+from mild_core.retargeting.settings import MIXES, RetargetingSettings
 from mild_ros.controller_settings import ControllerParameters
 from mild_ros.parameters import parameter
 
@@ -129,6 +129,29 @@ class RetargetingParameters(ControllerParameters):
         unit="rad/s",
         minimum=0.01,
         maximum=10.0,
+    )
+    ik: str = parameter(
+        RetargetingSettings.ik,
+        "Inverse kinematics: `blend` brings the hands together where they are meant to touch, `off` follows the "
+        "learned motion alone, `only` reaches for the person's hand without it.",
+        choices=MIXES,
+    )
+    keep_out_m: float = parameter(
+        RetargetingSettings.keep_out_m,
+        "Distance kept from the person's head and trunk.",
+        unit="m",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    near_speed_m_s: float = parameter(
+        RetargetingSettings.near_speed_m_s,
+        "Largest speed of the robot's hand within 0.3 m of the person's hand, head and trunk.",
+        unit="m/s",
+        minimum=0.05,
+        maximum=2.0,
+    )
+    interaction_s: float = parameter(
+        RetargetingSettings.interaction_s, "Longest interaction; then home.", unit="s", minimum=1.0, maximum=3600.0
     )
     report_handled: bool = _REPORT_HANDLED
 

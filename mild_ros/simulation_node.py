@@ -7,7 +7,7 @@ from typing import Any
 
 from rclpy.node import Node
 from sensor_msgs.msg import Image, JointState
-from std_msgs.msg import String
+from std_msgs.msg import Float64, String
 
 from mild_core.errors import DataError
 from mild_core.signals import JointCommand
@@ -53,6 +53,7 @@ class SimulationNode(Node):
         if self._time.simulated:
             self._waiting = self.create_timer(UNTIL_CLOCK_S, self._before_clock, clock=steady_clock())
         self.create_subscription(JointState, "joint_command", self._on_command, COMMAND)
+        self.create_subscription(Float64, "stiffness", self._on_stiffness, LATCHED)
         self.get_logger().info(f"{robot.name} stands at home")
 
     def _on_command(self, message: Any) -> None:
@@ -66,6 +67,9 @@ class SimulationNode(Node):
             self._diagnostics.unreadable("joint_command", error.reason, error.detail)
             return
         self._command = command
+
+    def _on_stiffness(self, message: Any) -> None:
+        self._robot.stiffen(float(message.data))
 
     def _on_tick(self, now_ns: int) -> None:
         elapsed_ns = 0 if self._stepped_ns is None else now_ns - self._stepped_ns

@@ -63,6 +63,9 @@ class SimulatedRobot(Protocol):
     def step(self, command: JointCommand | None, duration_s: float) -> None:
         """Let `duration_s` pass under `command`; None keeps the command before."""
 
+    def stiffen(self, stiffness: float) -> None:
+        """Scale the motors' forces from the next command on: 1 for all they have, near 0 for almost none."""
+
     def measure(self, stamp_ns: int) -> JointMeasurement:
         """Where all movable joints are, the commanded ones first."""
 

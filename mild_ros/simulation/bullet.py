@@ -7,6 +7,7 @@ tuples instead of arrays.
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from types import ModuleType, TracebackType
 from typing import Any
@@ -28,6 +29,9 @@ POSITION_GAIN = 0.3
 
 TABLE_TOP_M = -0.104
 """Height of what the robot stands on: the underside of its base."""
+
+SOFTEST = 0.25
+"""Share of its motors' force that the arm keeps in any case: enough to bear its own weight."""
 
 WOOD, METAL, FLOOR = (0.82, 0.76, 0.68, 1.0), (0.45, 0.46, 0.48, 1.0), (0.93, 0.93, 0.94, 1.0)
 
@@ -79,6 +83,7 @@ class BulletRobot:
         if self._client < 0:
             raise SetupError("simulation", "PyBullet opens no window", "run without --gui or on a desktop")
         self._owed_s = 0.0
+        self._stiffness = 1.0
         try:
             self._bullet.setTimeStep(1.0 / PHYSICS_RATE_HZ, physicsClientId=self._client)
             self._bullet.setGravity(0.0, 0.0, -9.81, physicsClientId=self._client)
@@ -143,9 +148,13 @@ class BulletRobot:
             targetVelocities=velocities,
             positionGains=[POSITION_GAIN] * len(names),
             velocityGains=[1.0] * len(names),
-            forces=forces,
+            forces=[force * self._stiffness for force in forces],
             physicsClientId=self._client,
         )
+
+    def stiffen(self, stiffness: float) -> None:
+        """Scale the motors' forces from the next command on: 1 for all they have, never below `SOFTEST`."""
+        self._stiffness = min(max(stiffness, SOFTEST), 1.0) if math.isfinite(stiffness) else 1.0
 
     def step(self, command: JointCommand | None, duration_s: float) -> None:
         """Let `duration_s` pass under `command`; None keeps the command before.

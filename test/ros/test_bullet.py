@@ -119,3 +119,18 @@ def test_nothing_is_written_to_the_terminal() -> None:
     root = Path(__file__).parents[2]
     ended = subprocess.run([sys.executable, "-c", program], cwd=root, capture_output=True, text=True, timeout=60)
     assert (ended.stdout, ended.stderr, ended.returncode) == ("done\n", "", 0)
+
+
+def test_a_soft_arm_obeys_less_hard_but_bears_its_own_weight(simulated: BulletRobot) -> None:
+    behind = []
+    for stiffness in (1.0, 0.0, np.nan):
+        simulated.stiffen(stiffness)
+        for _ in range(2 * PHYSICS_RATE_HZ):
+            simulated.step(_command(YUMI.home_rad, np.zeros(7)), 1 / PHYSICS_RATE_HZ)
+        # 1 degree: it stands, whatever the stiffness.
+        np.testing.assert_allclose(simulated.measure(0).positions_rad[:7], YUMI.home_rad, atol=np.deg2rad(1.0))
+        for _ in range(12):  # a jump, which takes all the force there is
+            simulated.step(_command(YUMI.home_rad + 0.3, np.zeros(7)), 1 / PHYSICS_RATE_HZ)
+        behind.append(float(np.abs(YUMI.home_rad + 0.3 - simulated.measure(0).positions_rad[:7]).mean()))
+    assert behind[1] > behind[0] + 0.01
+    assert behind[2] == pytest.approx(behind[0], abs=0.01)  # a hint that is no number is none

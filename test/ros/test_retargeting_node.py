@@ -104,6 +104,11 @@ def test_the_operator_is_obeyed(start: Callable[..., NodeProcess], bench: Motion
     assert bench.commands == []
     assert bench.probe.call(SetBool, "/retargeting/enable", SetBool.Request(data=True)).success
     follow(bench, TARGET, lambda: bench.commands_reach(TARGET), "the target reached")
+    assert bench.probe.call(SetBool, "/retargeting/hold", SetBool.Request(data=True)).success
+    held_at = np.array(bench.commands[-1].position)
+    follow(bench, YUMI.home_rad, lambda: bench.status()[2]["mode"] == "held", "held, whatever motion comes")
+    np.testing.assert_allclose(bench.commands[-1].position, held_at, atol=0.01)  # it stood there already
+    assert bench.probe.call(SetBool, "/retargeting/hold", SetBool.Request(data=False)).success
     assert bench.probe.call(Trigger, "/retargeting/reset", Trigger.Request()).success
     bench.probe.until(lambda: bench.commands_reach(YUMI.home_rad), "home after reset")
     assert bench.probe.call(SetBool, "/retargeting/enable", SetBool.Request(data=False)).success
