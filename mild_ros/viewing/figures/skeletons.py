@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from mild_core.shapes import FloatArray
 from mild_ros.viewing.figures.style import BLUE, GREY, ORANGE, PAGE_IN, figure, rule
 
-VIEWS = {"from the side": (0, 2), "from above": (0, 1)}
+VIEWS = {"side": (0, 2), "top": (0, 1)}
 """Which axes are seen: x is from the person towards the other."""
 
 
