@@ -7,6 +7,7 @@ import hashlib
 import itertools
 from collections.abc import Iterator
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +18,12 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 
+from mild_core.inference.manifest import ControlledAgent
 from mild_core.perception.skeletons import SOURCES
 from mild_core.pipeline import Pipeline
-from mild_core.retargeting.robots import ROBOTS
+from mild_core.retargeting.robots.pepper import PEPPER
+from mild_core.retargeting.robots.yumi import YUMI
+from mild_core.signals import ARM_JOINTS
 from mild_ros.assembly.inference import load
 from mild_ros.assembly.pipeline import make_pipeline
 from mild_ros.bag_writer import create_bag
@@ -34,7 +38,7 @@ from test.replay.processes import node, wait_until
 INTERACTION = "hand_shake"
 """Told, not recognised: a model with random weights recognises nothing."""
 
-INPUTS = Inputs(SOURCES["azure_kinect"], ROBOTS["yumi"])
+INPUTS = Inputs(SOURCES["azure_kinect"], YUMI)
 
 
 @pytest.fixture(scope="module")
@@ -153,32 +157,61 @@ def listener(ros_domain: int) -> Iterator[Listener]:
 STAGES = {"pipeline": ("pipeline",), "three nodes": ("perception", "inference", "retargeting")}
 
 
+@pytest.fixture(scope="module")
+def partner(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A model of two people: its motions are about a half offered arm."""
+    bent_m = np.array([0.0, 0.0, 0.0, 0.15, -0.05, -0.2, 0.4, -0.05, -0.1])
+    agent = ControlledAgent("human_arm", "human", ARM_JOINTS, "m")
+    return save_random_model(tmp_path_factory.mktemp("models") / "partner", agent, bent_m, 0.05)
+
+
+@pytest.mark.slow
+def test_a_partners_arm_reaches_pepper_through_three_nodes(
+    scene: Path, partner: Path, listener: Listener, tmp_path: Path
+) -> None:
+    parameters = PipelineParameters(model=str(partner), interaction=INTERACTION, robot="pepper")
+    pipeline, inputs = make_pipeline(parameters, load(str(partner))), replace(INPUTS, robot=PEPPER, joint_states="home")
+    summary = replay_in_process(scene, pipeline, inputs, tmp_path / "out")
+    assert summary.counts["retargeting"]["accepted"] > 50
+    expected = command_bytes(tmp_path / "out")
+    shared: dict[str, object] = {"model": partner, "robot": "pepper"}
+    same_bits(through_nodes(STAGES["three nodes"], scene, listener, len(expected), shared), expected)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("nodes", list(STAGES.values()), ids=list(STAGES))
 def test_two_roads_give_the_same_commands(
     nodes: tuple[str, ...], scene: Path, model: Path, in_process: tuple[ReplaySummary, Path], listener: Listener
 ) -> None:
+    expected = command_bytes(in_process[1])
+    same_bits(through_nodes(nodes, scene, listener, len(expected), {"model": model}), expected)
+
+
+def through_nodes(
+    nodes: tuple[str, ...], scene: Path, listener: Listener, count: int, shared: dict[str, object]
+) -> list[JointState]:
+    """The first `count` commands of real nodes with `shared` parameters, the scene replayed to them in lock-step."""
     executor = SingleThreadedExecutor()
     executor.add_node(listener)
-    expected = command_bytes(in_process[1])
     with ExitStack() as stack:
         for name in nodes:
-            parameters = {"report_handled": True, "use_sim_time": True}
-            parameters |= {"model": model} if name != "retargeting" else {}
+            parameters = {"report_handled": True, "use_sim_time": True, "model": shared["model"]}
             parameters |= {"interaction": INTERACTION} if name in ("pipeline", "inference") else {}
+            parameters |= shared if name in ("pipeline", "retargeting") else {}
             stack.enter_context(node(name, parameters))
         wait_until(lambda: listener.count_publishers("joint_command") > 0, "publisher of joint_command")
         replaying = {"bag": scene, "mode": "lock_step", "reporters": len(nodes)}
+        replaying |= {"robot": shared["robot"], "joint_states": "home"} if "robot" in shared else {}
         replay = stack.enter_context(node("replay", replaying))
 
         def complete() -> bool:
             executor.spin_once(timeout_sec=0.01)
-            return len(listener.commands) >= len(expected)
+            return len(listener.commands) >= count
 
-        wait_until(complete, f"{len(expected)} commands", seconds=180.0)
+        wait_until(complete, f"{count} commands", seconds=180.0)
         output, errors = replay.communicate(timeout=60)
     assert replay.returncode == 0, output + errors
-    same_bits(listener.commands, expected)
+    return listener.commands
 
 
 def same_bits(commands: list[JointState], expected: list[bytes]) -> None:
