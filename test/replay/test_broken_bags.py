@@ -132,7 +132,7 @@ def test_the_journal_of_a_killed_recorder_is_read(tmp_path):
 
 
 def test_every_broken_bag_is_one_line_or_salvaged():
-    outcomes, failures = bag_faults.run(120, seed=0)
+    outcomes, failures = bag_faults.run(72, seed=0)
     assert failures == []
     endings = {ending for _, _, ending in outcomes}
     assert {"refused, 1 line", "read whole", "salvaged whole", "salvaged, loss told"} <= endings
