@@ -34,6 +34,9 @@ FAR_M, NEAR_M = 0.35, 0.20
 OVER_S = 0.35
 """The share of the person's hand goes from 0 to 1 in no less than this."""
 
+MET = 0.9
+"""From this share on hands have met."""
+
 SEEN_TO_M, STANDING_TO_M = 0.01, 0.05
 """Standard deviations: of a tracked hand, and of where a learned hand is in truth when the model is sure of its joints,
 as it has never seen how long this person's arm is nor how far away they stand."""
@@ -91,6 +94,7 @@ class Contact:
         learned_rad: FloatArray,
         covariance: FloatArray,
         hand_m: FloatArray | None,
+        offered: bool,
         before: Touch | None,
         elapsed_s: float,
     ) -> tuple[FloatArray, Touch | None]:
@@ -100,6 +104,7 @@ class Contact:
             learned_rad: (J,) by the model.
             covariance: (J, J) of that [rad^2], or (9, 9) of a partner's shoulder, elbow and hand [m^2].
             hand_m: (3,) the person's hand, if it is known and the interaction is one in which hands touch.
+            offered: Whether the person holds it out: then hands that have met stay together, wherever the model goes.
             before: Of the command before.
             elapsed_s: Since then.
 
@@ -110,6 +115,8 @@ class Contact:
         tool = self._chain.tool(posture)
         wanted = 0.0 if hand_m is None else self._nearness(tool, hand_m)
         share = 0.0 if before is None else before.share
+        if hand_m is not None and before is not None and offered and share >= MET:
+            wanted = max(wanted, self._nearness(self._chain.tool(np.array(before.joints_rad)), hand_m))
         most = elapsed_s / OVER_S
         share += min(max(wanted - share, -most), most)
         if share <= 0.0:

@@ -24,6 +24,12 @@ LOST_S, GONE_S = 0.3, 2.0
 LONGEST_GUESS_S = 0.15
 """A hand goes on at its speed for no longer than this: then it may have turned."""
 
+OFFERED = 0.7
+"""A hand is offered while it is at least this share of the way from its rest that it has come at most."""
+
+SHIFT_M_S = 0.3
+"""No faster is the person taken to move when another interaction is recognised while the robot is near them."""
+
 RAISED_M, BACK_M, STILL_M = 0.08, 0.15, 0.05
 """The hand is raised this far from its rest, and back when this near to it; less than the last it has not moved."""
 
@@ -47,11 +53,23 @@ class Standing:
     yaw_rad: float
     by_interaction: Mapping[str, Point] = field(default_factory=dict)
 
-    def placed(self, points_m: FloatArray, frame_id: str, interaction: str) -> FloatArray:
-        """(..., 3) points of `frame_id` in the robot's base frame, during an interaction ("" when none is known)."""
+    def place(self, interaction: str, before_m: Point | None, most_m: float) -> Point:
+        """Where the person stands in an interaction, at most so far from where they stood before.
+
+        Recognition may change its mind; people do not jump.
+        """
+        wanted = self.by_interaction.get(interaction, self.place_m)
+        if before_m is None or (way_m := math.dist(wanted, before_m)) <= most_m:
+            return wanted
+        share = most_m / way_m
+        x, y, z = (start + share * (end - start) for start, end in zip(before_m, wanted, strict=True))
+        return x, y, z
+
+    def placed(self, points_m: FloatArray, frame_id: str, place_m: Point) -> FloatArray:
+        """(..., 3) points of `frame_id` in the robot's base frame, for a person who stands at `place_m`."""
         if frame_id == ROBOT_FRAME:
             return points_m
-        x, y, z = self.by_interaction.get(interaction, self.place_m)
+        x, y, z = place_m
         cosine, sine = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
         turn = np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
         placed: FloatArray = points_m @ turn + np.array([x, y, z])
@@ -71,6 +89,7 @@ class Sight:
         body_m: (3, 3) head, middle of the shoulders and of the hips as last seen; NaN when never.
         rest_m: (3,) where the hand rests.
         raised: Whether it has left that place.
+        farthest_m: How far from there it has come since it was raised.
         still_m: (3,) where it last was still ...
         still_ns: ... and since when it has been near that place.
     """
@@ -83,6 +102,7 @@ class Sight:
     body_m: FloatArray
     rest_m: FloatArray
     raised: bool
+    farthest_m: float
     still_m: FloatArray
     still_ns: int
 
@@ -98,7 +118,11 @@ class Sight:
 
     def at_rest_here(self) -> Sight:
         """The same person, who rests the hand where it is now."""
-        return replace(self, rest_m=self.hand_m, raised=False)
+        return replace(self, rest_m=self.hand_m, raised=False, farthest_m=0.0)
+
+    def offered(self) -> bool:
+        """Whether the hand is held out, and not on its way back."""
+        return self.raised and math.dist(self.hand_m, self.rest_m) >= OFFERED * self.farthest_m
 
     def after(self, pose: PersonPose, received_ns: int) -> Sight:
         """With one more pose of the same person; what it hides stays where it was."""
@@ -131,8 +155,10 @@ class Sight:
         """Whether the hand is raised now."""
         away_m = math.dist(self.hand_m, self.rest_m)
         if not self.raised:
-            return replace(self, raised=True) if away_m > RAISED_M else self
-        return self.at_rest_here() if away_m < BACK_M and self.still_s() >= BACK_AFTER_S else self
+            return replace(self, raised=True, farthest_m=away_m) if away_m > RAISED_M else self
+        if away_m < BACK_M and self.still_s() >= BACK_AFTER_S:
+            return self.at_rest_here()
+        return replace(self, farthest_m=away_m) if away_m > self.farthest_m else self
 
 
 def first_sight(pose: PersonPose, received_ns: int) -> Sight | None:
@@ -141,7 +167,7 @@ def first_sight(pose: PersonPose, received_ns: int) -> Sight | None:
         return None
     body = read_only(np.stack([pose.head_m, *pose.trunk_m]))
     hand, still, stamp_ns = pose.hand_m, np.zeros(3), pose.stamp_ns
-    return Sight(pose.frame_id, received_ns, stamp_ns, hand, still, body, hand, False, hand, stamp_ns)
+    return Sight(pose.frame_id, received_ns, stamp_ns, hand, still, body, hand, False, 0.0, hand, stamp_ns)
 
 
 def seen_again(sight: Sight | None, pose: PersonPose, received_ns: int) -> Sight | None:

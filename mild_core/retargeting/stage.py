@@ -13,6 +13,7 @@ where the robot is, and whatever follows ramps from there.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -24,7 +25,7 @@ from mild_core.retargeting.guard import NOBODY, Body, Guard, body_of
 from mild_core.retargeting.life import person_present, situation, with_rest
 from mild_core.retargeting.limiter import JointMotion, Joints, Limiter, NoPlanError
 from mild_core.retargeting.modes import Mode, next_mode
-from mild_core.retargeting.person import LOST_S, Standing
+from mild_core.retargeting.person import LOST_S, SHIFT_M_S, Standing
 from mild_core.retargeting.reception import take_measurement, take_motion, take_person, take_request
 from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.settings import RetargetingSettings
@@ -119,9 +120,9 @@ class Retargeting:
         if elapsed_s > self.settings.max_gap_s:
             state, elapsed_s = after_gap(state, motion, now_ns), 0.0
             motion = state.motion or motion
-        if state.plan is not None and state.near_m > self.settings.near_m:
-            # While the robot is near the person nobody jumps aside, whatever is recognised.
-            state = replace(state, place=state.plan.interaction)
+        if state.plan is not None and self.standing is not None:
+            most_m = SHIFT_M_S * elapsed_s if state.near_m < self.settings.near_m else math.inf
+            state = replace(state, place_m=self.standing.place(state.plan.interaction, state.place_m, most_m))
         state = self._in_next_mode(with_rest(state, self.settings, now_ns), motion, now_ns)
         try:
             state, motion = self._advanced(state, motion, now_ns, elapsed_s)
@@ -195,7 +196,8 @@ class Retargeting:
         if self._contact is not None and self.standing is not None:
             touches = plan.interaction in self.standing.by_interaction and np.isfinite(body.hand_m).all()
             hand_m = self._guard.outside(body.hand_m, body) if touches else None
-            target, touch = self._contact.aim(target, plan.covariance, hand_m, state.touch, elapsed_s)
+            offered = state.sight is not None and state.sight.offered()
+            target, touch = self._contact.aim(target, plan.covariance, hand_m, offered, state.touch, elapsed_s)
             target = np.minimum(np.maximum(target, self._lower), self._upper)
         from_rad = np.array(motion.position_rad if state.target_rad is None else state.target_rad)
         target = self._guard.paced(from_rad, target, state.near_m, elapsed_s)
@@ -213,7 +215,7 @@ class Retargeting:
         hand = sight.hand_at(now_ns + round(settings.look_ahead_s * 1e9)) if seen else np.full(3, np.nan)
         points = np.stack([hand, *sight.body_m])
         if self.standing is not None:
-            points = self.standing.placed(points, sight.frame_id, state.place)
+            points = self.standing.placed(points, sight.frame_id, state.place_m or self.standing.place_m)
         return body_of(points[0], points[1:])
 
     def _at_home(self, motion: JointMotion) -> bool:

@@ -11,7 +11,7 @@ from typing import Literal
 from mild_core.retargeting.contact import Touch
 from mild_core.retargeting.limiter import JointMotion, Joints
 from mild_core.retargeting.modes import Mode
-from mild_core.retargeting.person import Sight, seen_again
+from mild_core.retargeting.person import Point, Sight, seen_again
 from mild_core.retargeting.target import Plan, Ramp
 from mild_core.signals import PersonPose
 
@@ -51,7 +51,7 @@ class RetargetingState:
         sight: What is known of the person from all poses before that one.
         touch: How far the hands have been brought together; None when they are not.
         target_rad: Where the joints were last sent while following: J positions; None at the start.
-        place: The interaction whose place before the robot the person is taken to stand at.
+        place_m: Where the person is taken to stand, if the camera does not tell.
         near_m: How near the robot's hand was to the person at the newest command that moves.
         counts: Events by reason since the start.
         outcome: What became of the newest input: a key of `counts`.
@@ -75,7 +75,7 @@ class RetargetingState:
     sight: Sight | None = None
     touch: Touch | None = None
     target_rad: Joints | None = None
-    place: str = ""
+    place_m: Point | None = None
     near_m: float = math.inf
     counts: Mapping[str, int] = field(default_factory=dict)
     outcome: str = ""

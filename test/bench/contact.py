@@ -11,25 +11,27 @@ from __future__ import annotations
 import argparse
 import os
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from mild_core.learning.contact import hand_of, touching
 from mild_core.learning.datasets.buetepage_hr import BUETEPAGE_HR
+from mild_core.perception.stage import Perception
 from mild_core.pipeline import Pipeline
 from mild_core.retargeting.chain import chain_of
 from mild_core.retargeting.inverse_kinematics import InverseKinematics, Reach
+from mild_core.retargeting.person import Point, Standing
 from mild_core.retargeting.robots import ROBOTS
 from mild_core.shapes import FloatArray
-from mild_core.signals import JointMeasurement
+from mild_core.signals import ARM_FRAME, JointMeasurement
 from mild_ros.assembly.inference import load
 from mild_ros.assembly.pipeline import make_pipeline
 from mild_ros.scenes import RATE_HZ, SCENES, arm_track
 from mild_ros.settings import PipelineParameters
 from mild_ros.simulation.bullet import BulletRobot
-from mild_ros.simulation.person import bodies, skeleton_frames, with_neutral_second
+from mild_ros.simulation.person import Camera, bodies, skeleton_frames, with_neutral_second
 
 TICK_NS = 10_000_000
 START_NS = 1_700_000_000_000_000_000
@@ -61,13 +63,25 @@ class Episode:
     refused: int
 
 
-def play(pipeline: Pipeline, arm_m: FloatArray, rate_hz: float, interaction: str) -> Episode:
-    """Let a person with this arm (T, 3, 3) interact with the simulated robot."""
+def _robot_from_camera(standing: Standing, place_m: Point) -> FloatArray:
+    """(4, 4) the camera's pose in the robot's base frame, for a person who stands there."""
+    axes = standing.placed(np.vstack([np.eye(3), np.zeros(3)]), ARM_FRAME, place_m)
+    robot_from_arm = np.eye(4)
+    robot_from_arm[:3, :3], robot_from_arm[:3, 3] = (axes[:3] - axes[3]).T, axes[3]
+    return robot_from_arm @ Camera().arm_from_camera
+
+
+def play(pipeline: Pipeline, arm_m: FloatArray, rate_hz: float, interaction: str, calibrated: bool) -> Episode:
+    """Let a person with this arm (T, 3, 3) interact with the simulated robot, seen by a calibrated camera or not."""
     standing, chain = pipeline.retargeting.standing, chain_of(ROBOT)
     assert standing is not None
+    place_m = standing.by_interaction[interaction]
     body = bodies(with_neutral_second(arm_m, rate_hz, 1.2))
     true = hand_of(with_neutral_second(arm_m, rate_hz, 1.2), (0.29, 0.335))
-    true = standing.placed(true - with_neutral_second(arm_m, rate_hz, 1.2)[0, 0], "arm", interaction)
+    true = standing.placed(true - with_neutral_second(arm_m, rate_hz, 1.2)[0, 0], ARM_FRAME, place_m)
+    if calibrated:
+        settings = replace(pipeline.perception.settings, robot_from_source=_robot_from_camera(standing, place_m))
+        pipeline = replace(pipeline, perception=Perception(settings))
     frames = list(skeleton_frames(body, rate_hz, START_NS))
     state, next_frame = pipeline.init(), 0
     state, _ = pipeline.step(state, JointMeasurement(START_NS, ROBOT.joint_names, ROBOT.home_rad), START_NS)
@@ -106,6 +120,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--data", type=Path, default=Path(os.environ.get("MILD_DATA", "../shared/data")))
     parser.add_argument("--every", type=int, default=1)
+    parser.add_argument("--uncalibrated", action="store_true", help="the person's place is taken from the manifest")
     parser.add_argument("--ik", nargs="+", default=["off", "blend", "only"])
     chosen = parser.parse_args()
     arms = [(scene.name, "bag", arm_track(scene), RATE_HZ) for scene in SCENES]
@@ -120,7 +135,7 @@ def main() -> None:
             learned: list[Episode] = []
             for mix in chosen.ik:
                 pipeline = make_pipeline(PipelineParameters(ik=mix), model)
-                episodes = [play(pipeline, arm, rate, name) for arm, rate in chosen_arms]
+                episodes = [play(pipeline, arm, rate, name, not chosen.uncalibrated) for arm, rate in chosen_arms]
                 learned = learned or episodes
                 if episodes:
                     print(f"{name:11} {source:6} {mix:6} " + _summary(episodes, learned))

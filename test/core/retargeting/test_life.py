@@ -53,7 +53,7 @@ class Meeting(Run):
 
     def apart_m(self, hand_m: FloatArray) -> float:
         """Between the commanded hand and the person's."""
-        hand = STANDING.placed(hand_m, ARM_FRAME, "handshake")
+        hand = STANDING.placed(hand_m, ARM_FRAME, STANDING.place_m)
         return float(np.linalg.norm(chain_of(YUMI).tool(self.last.positions_rad) - hand))
 
 
@@ -142,7 +142,7 @@ def test_the_robot_keeps_out_of_the_head_and_is_slow_near_the_person() -> None:
             run.give(PersonPose(run.now_ns, ARM_FRAME, MEETING_M, head_in_the_way[0], BODY_M[1:]))
             run.give(window(np.tile(AWAY, (40, 1)), run.now_ns))
         run.give(None)
-    body = body_of(np.full(3, np.nan), STANDING.placed(head_in_the_way, ARM_FRAME, "handshake"))
+    body = body_of(np.full(3, np.nan), STANDING.placed(head_in_the_way, ARM_FRAME, STANDING.place_m))
     motions = [
         JointMotion(tuple(command.positions_rad), tuple(command.velocities_rad_s), (0.0,) * 7)
         for command in run.commands
