@@ -47,9 +47,7 @@ def look(
         for i in range(3):
             tool = last[i, 0] * tool_m[0] + last[i, 1] * tool_m[1] + last[i, 2] * tool_m[2] + last[i, 3]
             apart += (tool - hand_m[i]) ** 2
-        found[row, 2] = person if person < LOOK_M else np.inf
-        if np.sqrt(apart) < found[row, 2]:
-            found[row, 2] = np.sqrt(apart)
+        found[row, 2] = np.fmin(np.sqrt(apart), person if person < LOOK_M else np.inf)  # which passes over NaN
         tool_jacobian(frames, columns, axes, tool_m, jacobian)
         speed = 0.0
         for i in range(3):
