@@ -207,9 +207,9 @@ def deadline(seconds: int) -> Iterator[None]:
         signal.signal(signal.SIGALRM, before)
 
 
-def run(mutations: int, seed: int) -> tuple[Counter[tuple[str, str, str]], list[str]]:
-    """Harm and open so many bags; outcomes by kind, salvage and outcome, and the failures as texts."""
-    generator, outcomes, failures = np.random.default_rng(seed), Counter[tuple[str, str, str]](), list[str]()
+def run(mutations: int, seed: int) -> tuple[Counter[tuple[str, str, str, str]], list[str]]:
+    """Harm and open so many bags; outcomes by kind of bag, fault and way of opening, and the failures as texts."""
+    generator, outcomes, failures = np.random.default_rng(seed), Counter[tuple[str, str, str, str]](), list[str]()
     with tempfile.TemporaryDirectory(prefix="mild_faults_") as scratch:
         for name, write in KINDS.items():
             write(Path(scratch, name))
@@ -226,9 +226,21 @@ def run(mutations: int, seed: int) -> tuple[Counter[tuple[str, str, str]], list[
                 except Exception:
                     found = "FAILED"
                     failures.append(f"{index} {name}, {fault}, salvage {salvage}\n{traceback.format_exc(limit=-4)}")
-                outcomes[name, "salvage" if salvage else "plain", found] += 1
+                outcomes[name, fault, "salvage" if salvage else "plain", found] += 1
             shutil.rmtree(bag)
     return outcomes, failures
+
+
+def table(outcomes: Counter[tuple[str, str, str, str]], place: int, title: str) -> str:
+    """Markdown: outcomes by the kind of bag (place 0) or by the fault (place 1)."""
+    sums = Counter[tuple[str, str, str]]()
+    for key, count in outcomes.items():
+        sums[key[place], key[2], key[3]] += count
+    lines = [f"| {title} | opened | outcomes |", "|---|---|---|"]
+    for name, opened in sorted({key[:2] for key in sums}):
+        found = sorted(((n, end) for (a, b, end), n in sums.items() if (a, b) == (name, opened)), reverse=True)
+        lines.append(f"| {name} | {opened} | {'; '.join(f'{n} {end}' for n, end in found)} |")
+    return "\n".join(lines) + "\n"
 
 
 def main() -> int:
@@ -240,12 +252,12 @@ def main() -> int:
     given = words.parse_args()
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
     outcomes, failures = run(given.mutations, given.seed)
-    rows = [{"bag": a, "opened": b, "outcome": c, "count": n} for (a, b, c), n in sorted(outcomes.items())]
     if given.json:
+        rows = [{"bag": a, "fault": b, "opened": c, "outcome": d, "count": n} for (a, b, c, d), n in outcomes.items()]
         print(json.dumps({"mutations": given.mutations, "failures": failures, "outcomes": rows}, indent=1))
     else:
-        for row in rows:
-            print(f"{row['bag']:26} {row['opened']:8} {row['outcome']:28} {row['count']:6}")
+        for place, title in enumerate(("bag", "fault")):
+            print(table(outcomes, place, title))
         print(f"{given.mutations} mutations, {len(failures)} failures")
         print("\n".join(failures[:10]), file=sys.stderr)
     return bool(failures)

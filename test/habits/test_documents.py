@@ -11,6 +11,7 @@ import pytest
 
 from mild_core.errors import SetupError
 from mild_ros.command_line.main import COMMANDS
+from mild_ros.controllers import OUTPUTS
 from mild_ros.documentation import SECTIONS, TOPICS, filled
 from test.habits.tree import ROOT, called, files, parse, plant, python_files
 
@@ -101,8 +102,9 @@ def test_topics_are_found_in_code(tmp_path: Path) -> None:
 def test_the_table_of_topics_is_the_code() -> None:
     trackers = {("skeleton", "by `source`")}  # a tracker's topics stand in its feeds
     by_model = {("motion", "`trajectory_msgs/JointTrajectory` or `sensor_msgs/PointCloud2`")}
+    controllers = {(output.topic, output.type_name.replace("/msg/", "/")) for output in OUTPUTS.values()}
     in_code = topics_in_code(ROOT) - {("motion", "by `source`")}
-    assert in_code | trackers | by_model == {(topic.name, topic.message) for topic in TOPICS}
+    assert in_code | trackers | by_model | controllers == {(topic.name, topic.message) for topic in TOPICS}
 
 
 @pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))

@@ -69,7 +69,8 @@ def write_with_mcap(path: Path, **options: object) -> Path:
     return path
 
 
-def refused(path: Path, *words: str, salvage: bool = False) -> None:
+def refused(path: Path, *words: str, salvage: bool = False) -> str:
+    """The one line that refuses the bag, with these words in it."""
     with pytest.raises(BagError) as caught:
         positions(path, salvage=salvage)
     line = str(caught.value)
@@ -77,3 +78,4 @@ def refused(path: Path, *words: str, salvage: bool = False) -> None:
     assert path.name in line
     for word in words:
         assert word in line
+    return line

@@ -60,7 +60,7 @@ def test_what_the_formats_own_library_writes_is_read(tmp_path, compression):
     path = write_with_mcap(tmp_path / "other.mcap", compression=compression, chunk_size=1000)
     assert positions(path) == EXPECTED
     path.write_bytes(path.read_bytes()[:-40])
-    refused(path)
+    assert refused(path)
     assert positions(path, salvage=True) == EXPECTED
 
 
@@ -85,7 +85,7 @@ def test_a_bag_of_ros_1_is_read(tmp_path):
     ]
     whole = (tmp_path / "old.bag").read_bytes()
     (tmp_path / "old.bag").write_bytes(whole[: len(whole) // 2])
-    refused(tmp_path / "old.bag", "bag of ROS 1")
+    assert refused(tmp_path / "old.bag", "bag of ROS 1")
 
 
 def test_reading_can_begin_later(tmp_path):

@@ -28,27 +28,27 @@ from test.replay.made_bags import (
 
 
 def test_a_missing_bag_is_named(tmp_path):
-    refused(tmp_path / "nowhere", "there is no such bag")
+    assert refused(tmp_path / "nowhere", "there is no such bag")
 
 
 def test_a_folder_without_metadata_is_refused_and_salvaged(tmp_path):
     path = write_ours(tmp_path / "bag")
     (path / "metadata.yaml").unlink()
-    refused(path, "has no metadata.yaml", "--salvage")
+    assert refused(path, "has no metadata.yaml", "--salvage")
     assert positions(path, salvage=True) == EXPECTED
 
 
 def test_an_empty_folder_is_no_bag(tmp_path):
     (tmp_path / "empty").mkdir()
-    refused(tmp_path / "empty", "has no metadata.yaml")
-    refused(tmp_path / "empty", "no readable message", salvage=True)
+    assert refused(tmp_path / "empty", "has no metadata.yaml")
+    assert refused(tmp_path / "empty", "no readable message", salvage=True)
 
 
 @pytest.mark.parametrize("text", ["", "{", "rosbag2_bagfile_information: 3", "\x00\x01", "a: [1, 2", "- x"])
 def test_garbage_metadata_is_refused(tmp_path, text):
     path = write_ours(tmp_path / "bag")
     (path / "metadata.yaml").write_text(text)
-    refused(path, "metadata")
+    assert refused(path, "metadata")
     assert positions(path, salvage=True) == EXPECTED
 
 
@@ -56,7 +56,7 @@ def test_a_version_of_the_future_is_refused(tmp_path):
     path = write_ours(tmp_path / "bag")
     metadata = path / "metadata.yaml"
     metadata.write_text(re.sub(r"version: \d+", "version: 99", metadata.read_text()))
-    refused(path, "version 99", "--salvage")
+    assert refused(path, "version 99", "--salvage")
     assert positions(path, salvage=True) == EXPECTED
 
 
@@ -66,7 +66,7 @@ def test_metadata_without_a_key_is_refused(tmp_path, key):
     text = (path / "metadata.yaml").read_text()
     assert f"  {key}:" in text
     (path / "metadata.yaml").write_text(text.replace(f"  {key}:", f"  {key}_gone:"))
-    refused(path, key)
+    assert refused(path, key)
 
 
 def test_a_truncated_file_is_refused_and_salvaged(tmp_path):
@@ -76,7 +76,7 @@ def test_a_truncated_file_is_refused_and_salvaged(tmp_path):
     lengths = []
     for end in range(0, len(whole), 307):
         file.write_bytes(whole[:end])
-        refused(path)
+        assert refused(path)
         try:
             saved = positions(path, salvage=True)
         except BagError:
@@ -92,7 +92,7 @@ def test_a_truncated_database_is_refused(tmp_path):
     path = write_foreign(tmp_path / "bag", StoragePlugin.SQLITE3, CompressionMode.NONE)
     file = next(path.glob("*.db3"))
     file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
-    refused(path)
+    assert refused(path)
 
 
 def lost(path: Path) -> str:
@@ -126,7 +126,7 @@ def test_the_journal_of_a_killed_recorder_is_read(tmp_path):
         copy.commit()
         for name in ("killed.db3", "killed.db3-wal"):  # as it lies there when nobody closes it
             shutil.copyfile(killed / name, tmp_path / name)
-    refused(killed, "has no metadata.yaml")
+    assert refused(killed, "has no metadata.yaml")
     with open_bag(tmp_path / "killed.db3", salvage=True) as bag:
         assert [raw.time_ns for raw in bag.messages()] == [10**9 + index * 10**7 + 1 for index in range(COUNT)]
 
@@ -134,7 +134,7 @@ def test_the_journal_of_a_killed_recorder_is_read(tmp_path):
 def test_every_broken_bag_is_one_line_or_salvaged():
     outcomes, failures = bag_faults.run(72, seed=0)
     assert failures == []
-    endings = {ending for _, _, ending in outcomes}
+    endings = {ending for *_, ending in outcomes}
     assert {"refused, 1 line", "read whole", "salvaged whole", "salvaged, loss told"} <= endings
     assert all(ending.endswith(" 1 line") for ending in endings if "line" in ending)
 
@@ -143,7 +143,7 @@ def test_wrong_counts_are_noticed(tmp_path):
     path = write_ours(tmp_path / "bag")
     text = (path / "metadata.yaml").read_text()
     (path / "metadata.yaml").write_text(text.replace(f"message_count: {COUNT}", f"message_count: {COUNT + 3}"))
-    refused(path, f"{COUNT + 3}", f"{COUNT}")
+    assert refused(path, f"{COUNT + 3}", f"{COUNT}")
     assert positions(path, salvage=True) == EXPECTED
 
 
@@ -152,7 +152,7 @@ def test_a_path_out_of_the_bag_is_refused(tmp_path, name):
     path = write_ours(tmp_path / "bag")
     text = (path / "metadata.yaml").read_text()
     (path / "metadata.yaml").write_text(text.replace("- bag.mcap", f"- {name}"))
-    refused(path, "points outside the bag")
+    assert refused(path, "points outside the bag")
 
 
 def test_garbage_in_one_message_is_told_apart_from_a_broken_bag(tmp_path):
