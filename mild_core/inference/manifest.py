@@ -24,6 +24,7 @@ SOURCES = {
     "residual": ("frame", "window", "label", "context", "observed"),
     "decoder": ("controlled", "label", "context", "observed", "belief"),
     "distance": ("frame", "window"),
+    "recogniser": ("frame", "window"),
 }
 """The networks that a member can have, and what each may take in."""
 

@@ -90,7 +90,7 @@ class ReadyMember:
         residual_covariance: (N, N) of the model.
         places: Where each of `stepping.BOARD` begins, and the length of the board.
         chains: The parts of `stepping.Chains`.
-        perceiving: Context, encoder and distance networks, each the parts of `stepping.Compiled`.
+        perceiving: Context, encoder, distance and recogniser networks, each the parts of `stepping.Compiled`.
         acting: Gate, residual and decoder networks.
     """
 
@@ -100,7 +100,7 @@ class ReadyMember:
     residual_covariance: FloatArray
     places: IntArray
     chains: StackedPriors
-    perceiving: tuple[Parts, Parts, Parts]
+    perceiving: tuple[Parts, Parts, Parts, Parts]
     acting: tuple[Parts, Parts, Parts]
 
     def init(self) -> MemberState:
@@ -185,7 +185,7 @@ def make_ready(member: Member, considered: Sequence[int], residual_covariance: F
         residual_covariance,
         places,
         (*chains,),
-        (ready("context"), ready("encoder"), ready("distance")),
+        (ready("context"), ready("encoder"), ready("distance"), ready("recogniser")),
         (ready("gate"), ready("residual"), ready("decoder")),
     )
 

@@ -59,6 +59,16 @@ def gate_weights(belief: FloatArray, logits: Float32Array) -> FloatArray:
 
 
 @compiled
+def tell_apart(logits: Float32Array, log_probabilities: FloatArray) -> None:
+    """Fill `log_probabilities` (P,) from a recogniser's logits (P,)."""
+    largest, total = logits.max(), 0.0
+    for p in range(logits.shape[0]):
+        total += np.exp(logits[p] - largest)
+    for p in range(logits.shape[0]):
+        log_probabilities[p] = logits[p] - largest - np.log(total)
+
+
+@compiled
 def add_spread(
     weights: FloatArray,
     components: tuple[FloatArray, FloatArray],

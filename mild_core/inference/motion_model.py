@@ -108,6 +108,7 @@ def _build_member(prefix: str, specs: Mapping[str, NetworkSpec], manifest: Manif
         "gate": manifest.prior.components,
         "residual": latent,
         "decoder": manifest.window * manifest.controlled.values,
+        "recogniser": len(manifest.interactions),
     }
     networks = {name: _build(f"{prefix}.{name}", spec, sizes, outputs.get(name), taken) for name, spec in specs.items()}
     for name, network in networks.items():

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mild_core.compiled import compiled
-from mild_core.inference.mixing import add_spread, gate_weights, nearest, posterior
+from mild_core.inference.mixing import add_spread, gate_weights, nearest, posterior, tell_apart
 from mild_core.inference.networks import Float32Array, run_layers
 from mild_core.inference.priors.filtering import UNDERFLOW, filter_frames, observe_frame
 from mild_core.shapes import FloatArray
@@ -80,7 +80,7 @@ class Observed(NamedTuple):
         memory: (A, K, D) new memory of the chains.
         board: With everything up to the observed latent.
         weights: (A, K) belief over components.
-        log_likelihoods: (A,) of this frame given those before.
+        log_likelihoods: (A,) of this frame given those before, or the recogniser's log-probabilities.
         means: (A, K, C) what each component expects of the controlled latent.
         covariances: (A, K, C, C).
         score: Out of distribution; NaN when a feature is not finite, and then nothing else holds.
@@ -174,7 +174,7 @@ def follow_chains(
 
 @compiled
 def observe_window(
-    networks: tuple[Parts, Parts, Parts],
+    networks: tuple[Parts, Parts, Parts, Parts],
     priors: StackedPriors,
     regions: tuple[FloatArray, FloatArray],
     places: IntArray,
@@ -186,7 +186,7 @@ def observe_window(
     """Encode one window and move the beliefs on: the parts of `Observed`.
 
     Args:
-        networks: Context, encoder, distance.
+        networks: Context, encoder, distance, recogniser.
         priors: The parts of `Chains`.
         regions: Centres (M, F) and radii (M,) of the distance network's outputs.
         places: Where each of `BOARD` begins, and the length of the board.
@@ -215,6 +215,8 @@ def observe_window(
     score = follow_chains(priors, (latent, widening), timing[2], restart, memory, found)
     if networks[2][0].shape[0] > 0:
         score = max(score, nearest(run_network(networks[2], board, nothing), regions[0], regions[1]))
+    if networks[3][0].shape[0] > 0 and considered == label.shape[0] and log_likelihoods.max() > UNDERFLOW:
+        tell_apart(run_network(networks[3], board, nothing), log_likelihoods)
     return context, memory, board, weights, log_likelihoods, means, covariances, score
 
 

@@ -29,6 +29,9 @@ from mild_core.shapes import FloatArray
 
 Arrays = dict[str, NDArray[Any]]
 
+EVIDENCE_PER_S, KEPT_PER_S = 4.0, 0.67
+"""Windows per second that recognition counts in full, and the share of the evidence that is left after a second."""
+
 ORIGIN = HumanPlacement((1.0, 0.0, 0.7), np.pi)
 """Where a person would stand if nobody says: an arm's length before the robot, facing it."""
 
@@ -78,8 +81,19 @@ def export(
         for name, prior in zip(trained.interactions, member.prior.priors, strict=True):
             found |= {f"prior.{name}.{key}": np.asarray(value) for key, value in prior.to_arrays().items()}
         arrays |= {f"member_{index}.{name}": array for name, array in found.items()}
+    if trained.settings.recogniser is not None:
+        rate_hz = demonstrations[0].rate_hz / trained.protocol.keep_every
+        arrays["recognition"] = recognition_rates(rate_hz, len(trained.members))
     longest = max(p.chain.longest for member in trained.members for p in member.prior.priors)
     return _manifest(trained, demonstrations, facts, tuple(members), longest), arrays
+
+
+def recognition_rates(rate_hz: float, members: int) -> FloatArray:
+    """Temper and forgetting (2,) of a model whose recognisers see `rate_hz` windows a second.
+
+    Members' log-likelihoods are added, and successive windows are far from independent: they count by time.
+    """
+    return np.array([min(1.0, EVIDENCE_PER_S / rate_hz / members), KEPT_PER_S ** (1.0 / rate_hz)])
 
 
 def _manifest(
@@ -132,6 +146,11 @@ def _member(member: TrainedMember, territory: Territory) -> tuple[dict[str, Netw
             layers.append(back)
         specs[name] = NetworkSpec(inputs, tuple(layers))
         arrays |= {f"{name}.{key}": array for key, array in found.items()}
+    if member.recogniser is not None:
+        front = _front(member.recogniser.question, ("window",), sizes)
+        layers, found = _fronted(list(member.recogniser.network.specs), member.recogniser.network.arrays(), front)
+        specs["recogniser"] = NetworkSpec(("window",), tuple(layers))
+        arrays |= {f"recogniser.{key}": array for key, array in found.items()}
     width, features = territory.weight.shape
     specs["distance"] = NetworkSpec(("window",), (LayerSpec("dense", "coordinates", width, features),))
     arrays |= {

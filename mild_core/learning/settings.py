@@ -111,6 +111,27 @@ class PriorSettings:
 
 
 @dataclass(frozen=True)
+class RecogniserSettings:
+    """The network that tells interactions apart, see `recogniser`.
+
+    Attributes:
+        question_coordinates: Principal components of the human's window that it sees.
+        whitening: See `Architecture`.
+        hidden: Hidden units by layer.
+        dropout: Share of the values dropped after each hidden layer.
+        learning_rate: Of AdamW, falling to zero like a cosine.
+        epochs: Of its own, for each of the other networks'.
+    """
+
+    question_coordinates: int = 30
+    whitening: float = 0.5
+    hidden: tuple[int, ...] = (64, 64)
+    dropout: float = 0.2
+    learning_rate: float = 3e-3
+    epochs: float = 1.5
+
+
+@dataclass(frozen=True)
 class TrainingSettings:
     """One way to train.
 
@@ -119,6 +140,7 @@ class TrainingSettings:
         prior: The prior and its re-estimation.
         weights: Of the objective's terms.
         augmentation: None: trials as recorded.
+        recogniser: None: the priors' likelihoods tell interactions apart.
         stride: S: belief and memory see every S-th window; durations count in steps of S frames.
         gradient_stride: Windows between two that are learned from; `stride` where a gradient passes memory or belief.
         epochs: Number of passes over all trials.
@@ -140,6 +162,7 @@ class TrainingSettings:
     prior: PriorSettings = field(default_factory=PriorSettings)
     weights: LossWeights = field(default_factory=LossWeights)
     augmentation: Augmentation | None = field(default_factory=Augmentation)
+    recogniser: RecogniserSettings | None = field(default_factory=RecogniserSettings)
     stride: int = 16
     gradient_stride: int = 16
     epochs: int = 200
@@ -177,6 +200,7 @@ PAPER = TrainingSettings(
     prior=PriorSettings(components=10, iterations=2, every=2, frozen_from=1.0),
     weights=LossWeights(prediction=0.0, observed=1.0, controlled=1.0, divergence=1e-3),
     augmentation=None,
+    recogniser=None,
     stride=1,
     gradient_stride=40,
     epochs=200,

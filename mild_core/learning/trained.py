@@ -13,6 +13,7 @@ from mild_core.learning.coordinates import Coordinates
 from mild_core.learning.corpus import corpus_of, cut_tracks
 from mild_core.learning.demonstration import Demonstration
 from mild_core.learning.latent_prior import LatentPrior
+from mild_core.learning.recogniser import Recogniser
 from mild_core.learning.settings import TrainingSettings
 from mild_core.learning.vae import MemberNetworks
 from mild_core.learning.windows import Protocol, cut
@@ -28,12 +29,14 @@ class TrainedMember:
         prior: Of all interactions.
         question: Coordinates of the human's windows.
         answer: Coordinates of the robot's windows.
+        recogniser: None: the priors tell interactions apart.
     """
 
     networks: MemberNetworks
     prior: LatentPrior
     question: Coordinates
     answer: Coordinates
+    recogniser: Recogniser | None = None
 
     def predict(self, questions: Tensor, label: Tensor) -> Tensor:
         """(B, N, W D) successive windows of B tracks and their labels (B,) -> (B, N, W J)."""

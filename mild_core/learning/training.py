@@ -26,11 +26,15 @@ from mild_core.learning.corpus import Corpus, WindowBatch, bend, corpus_of, cut_
 from mild_core.learning.demonstration import Demonstration
 from mild_core.learning.latent_prior import LatentPrior, latent_prior
 from mild_core.learning.objective import Objective, Terms
-from mild_core.learning.settings import TrainingSettings
+from mild_core.learning.recogniser import Recogniser, train_recogniser
+from mild_core.learning.settings import Augmentation, TrainingSettings
 from mild_core.learning.trained import TrainedMember, TrainedModel
 from mild_core.learning.vae import MemberNetworks
 from mild_core.learning.windows import Protocol
 from mild_core.shapes import FloatArray
+
+UNBENT = Augmentation(1, 0.0, 0.0, 2, 0.0, 0.0, 0.0)
+"""Trials as recorded, as an augmentation."""
 
 WARM_UP_EPOCHS = 10
 LEAST_RATE = 0.02
@@ -164,7 +168,16 @@ def _train_member(
         networks.load_state_dict(average)
     networks.eval()
     assert prior is not None  # every epoch without one ends by making it
-    return TrainedMember(networks, prior, question, answer)
+    with drawing_from(seed, member, settings.epochs):
+        return TrainedMember(networks, prior, question, answer, _recogniser(corpus, settings))
+
+
+def _recogniser(corpus: Corpus, settings: TrainingSettings) -> Recogniser | None:
+    """The network that tells interactions apart, where settings have one."""
+    if settings.recogniser is None:
+        return None
+    epochs = round(settings.recogniser.epochs * settings.epochs)
+    return train_recogniser(corpus, settings.recogniser, settings.augmentation or UNBENT, epochs)
 
 
 def _rate(settings: TrainingSettings, epoch: int) -> float:

@@ -50,7 +50,7 @@ def paper_member(
 
 
 def recurrent_member(window: int = 40, latent: int = 5) -> dict[str, NetworkSpec]:
-    """Every kind of network at once: a recurrent context, a gate, a residual and a distance."""
+    """Every kind of network at once: a recurrent context, a gate, a residual, a distance and a recogniser."""
     size, labels = 9 * window, len(INTERACTIONS)
     context = (
         LayerSpec("normalise", "input", size + labels, size + labels),
@@ -65,6 +65,7 @@ def recurrent_member(window: int = 40, latent: int = 5) -> dict[str, NetworkSpec
         "residual": NetworkSpec(("context", "label"), dense((16 + labels, 12, latent))),
         "decoder": NetworkSpec(("controlled", "label"), dense((latent + labels, 20, 7 * window))),
         "distance": NetworkSpec(("window",), (LayerSpec("normalise", "input", size, size), *dense((size, 6)))),
+        "recogniser": NetworkSpec(("window",), dense((size, 8, labels))),
     }
 
 

@@ -282,3 +282,16 @@ def test_evidence_names_the_interaction_whose_motion_it_is():
     assert answers[-1].probability > 0.9
     assert first.recognition.probabilities.sum() == pytest.approx(1.0, abs=1e-12)
     assert first.recognition.likeliest == 2
+
+
+def test_a_recogniser_speaks_for_the_priors_when_nobody_says_which_interaction_it_is(full_model):
+    state, _ = run(Inference(full_model), windows(1))
+    values = windows(1)[0].features.ravel().astype(np.float32)
+    evidence = np.zeros(len(INTERACTIONS))
+    for member in full_model.members:
+        logits = member.networks["recogniser"].run(values, np.zeros(0, np.float32))[0].astype(np.float64)
+        evidence += logits - np.log(np.exp(logits).sum())
+    expected = full_model.temper * (evidence - evidence.max())
+    np.testing.assert_allclose(state.recognition.evidence, expected, atol=CLOSE)
+    told, _ = run(Inference(full_model, "rocket"), windows(1))
+    np.testing.assert_array_equal(told.recognition.probabilities, np.eye(len(INTERACTIONS))[2])

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A small network that tells interactions apart by what the person does: what each prior predicts does not."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from mild_core.learning.coordinates import Coordinates, principal_coordinates
+from mild_core.learning.corpus import Corpus, bend, cut_tracks
+from mild_core.learning.settings import Augmentation, RecogniserSettings
+from mild_core.learning.vae import Chain, perceptron
+
+STARTED_M = 0.05
+"""A hand this far from where it was at first has begun something; before, nobody can know what."""
+
+STRIDE = 4
+"""Windows between two that are learned from: neighbours are almost equal."""
+
+LEAST_RATE = 0.003
+"""Share of the learning rate that the last epochs still have."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recogniser:
+    """Logits of the interactions from one window.
+
+    Attributes:
+        network: From coordinates to (P,), in evaluation mode.
+        question: Coordinates of the human's windows.
+    """
+
+    network: Chain
+    question: Coordinates
+
+
+def train_recogniser(
+    corpus: Corpus, settings: RecogniserSettings, augmentation: Augmentation, epochs: int
+) -> Recogniser:
+    """Learn to tell the interactions of a corpus apart. Draws from torch's global generator.
+
+    Windows in which the hand has not moved yet say nothing: there all interactions shall be equally likely.
+
+    Args:
+        corpus: The trials.
+        settings: Sizes and rates.
+        augmentation: How trials are bent each time.
+        epochs: Passes over all trials.
+    """
+    recorded = cut_tracks(corpus, corpus.tracks, 0, 1)
+    question = principal_coordinates(
+        recorded.question[recorded.valid > 0], settings.question_coordinates, settings.whitening
+    )
+    labels, width = len(corpus.interactions), corpus.protocol.window
+    network = perceptron(question.size, settings.hidden, labels, settings.dropout)
+    optimiser = torch.optim.AdamW(network.parameters(), lr=settings.learning_rate)
+    network.train()
+    for epoch in range(epochs):
+        for group in optimiser.param_groups:
+            group["lr"] = settings.learning_rate * (0.5 * (1.0 + math.cos(math.pi * epoch / epochs)) + LEAST_RATE)
+        phase = int(torch.randint(corpus.protocol.keep_every, ()))
+        tracks, first = bend(corpus.tracks, augmentation), int(torch.randint(STRIDE, ()))
+        batch = cut_tracks(corpus, tracks, first, STRIDE, phase)
+        newest = _started(tracks.observed[:, phase :: corpus.protocol.keep_every])[:, first + width - 1 :: STRIDE]
+        wanted = functional.one_hot(batch.label, labels).float()[:, None].expand(*batch.valid.shape, -1)
+        wanted = torch.where(newest[:, : batch.valid.shape[1], None], wanted, torch.full_like(wanted, 1.0 / labels))
+        surprise = -(wanted * functional.log_softmax(network(question.project(batch.question)), -1)).sum(-1)
+        optimiser.zero_grad()
+        ((surprise * batch.valid).sum() / batch.valid.sum()).backward()  # type: ignore[no-untyped-call]
+        optimiser.step()
+    network.eval()
+    return Recogniser(network, question)
+
+
+def _started(observed: Tensor) -> Tensor:
+    """(B, T) whether the hand, the last joint of (B, T, 3 J), has ever left its first place."""
+    hand = observed[..., -3:]
+    started: Tensor = ((hand - hand[:, :1]).norm(dim=-1) > STARTED_M).cumsum(dim=1) > 0
+    return started
