@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
-DEADLINE_S = 60.0
+DEADLINE_S = 180.0
 """A node needs a second or two to start; this machine may be busy with much else."""
 
 
