@@ -18,6 +18,11 @@ PATIENCE_S = 240.0
 """The first start of all after a change compiles."""
 
 
+def _heed_control_c() -> None:
+    """Whoever is started in the background of a shell is made to ignore it, and hands that down."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("number", "command", "log", "words"),
@@ -29,7 +34,8 @@ PATIENCE_S = 240.0
 def test_a_signal_ends_every_node(tmp_path: Path, number: int, command: tuple[str, ...], log: str, words: str) -> None:
     before = processes_left(MARK)
     words_of_mild = [sys.executable, "-m", "mild_ros.command_line.main", *command, "--out", str(tmp_path)]
-    with subprocess.Popen(words_of_mild, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as mild:
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen(words_of_mild, cwd=ROOT, text=True, preexec_fn=_heed_control_c, **pipes) as mild:
         said = tmp_path / "log" / log
 
         def running() -> bool:

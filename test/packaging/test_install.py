@@ -71,14 +71,17 @@ def test_the_index_finds_it(installed: Installed, tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_nothing_is_missing(installed: Installed) -> None:
     (site,) = {path.parent for path in installed.prefix.rglob("mild_core") if path.is_dir()}
-    for pattern in ("mild_core/**/*.py", "mild_ros/**/*.py", "mild_core/**/*.urdf"):
-        wanted = {path.relative_to(ROOT) for path in ROOT.glob(pattern)}
+    for pattern in ("mild_core/**/*.py", "mild_ros/**/*.py", "mild_core/**/*.urdf", "mild_core/**/*.toml"):
+        wanted = {path.relative_to(ROOT) for path in ROOT.glob(pattern) if path.parent.name != "launch"}
         assert wanted
         assert {name for name in wanted if not (site / name).is_file()} == set()
     share = installed.prefix / "share" / "mild_ros"
     assert (share / "package.xml").is_file()
-    for kind in ("models", "bags"):
-        wanted = {path.relative_to(ROOT) for path in (ROOT / kind).rglob("*") if path.is_file()}
+    for kind in ("models", "bags", "mild_ros/launch", "mild_ros/config"):
+        folder = ROOT / kind
+        wanted = {path.relative_to(folder.parent) for path in folder.rglob("*") if path.is_file()}
+        wanted = {name for name in wanted if name.suffix != ".pyc"}
+        assert wanted
         assert {name for name in wanted if not (share / name).is_file()} == set()
 
 

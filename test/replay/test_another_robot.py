@@ -79,7 +79,8 @@ def test_it_runs_from_one_file(panda: Path, model: Path, tmp_path: Path) -> None
     assert "wrong_joints" not in first.counts["retargeting"]
     check_limits(robot, commands)
     followed = np.array([command.positions_rad for command in commands if command.mode == "following"])
-    assert np.ptp(followed, axis=0)[:4].min() > 0.1, "it moves about"
+    # A handshake lifts the arm: three degrees of each of its first joints at the least.
+    assert np.ptp(followed, axis=0)[:4].min() > 0.05, "it moves about"
     again = replay_in_process(tmp_path / "scene", pipeline, inputs)
     assert again == first, "the same bag gives the same bytes"
     read = read_run(tmp_path / "run", inputs.source)

@@ -38,7 +38,7 @@ def refused(node: NodeProcess, message: str) -> None:
             (),
             "parameter control_rate_hz: is 0 Hz; give a value in 10 … 500 Hz",
         ),
-        ("retargeting", {"model": "x"}, (), "parameter: 'model' is unknown"),
+        ("retargeting", {"modell": "x"}, (), "parameter: 'modell' is unknown"),
         (
             "simulation",
             {"robot_description": "/no/such.urdf"},
