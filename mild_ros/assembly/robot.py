@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 import tempfile
 from dataclasses import replace
@@ -85,9 +84,10 @@ def _from_topic(topic: str) -> Path:
         problem = f"nothing came on topic '{topic}' within {PATIENCE_S:g} s"
         raise SetupError("parameter robot_description", problem, "start robot_state_publisher, or give a path")
     text = re.sub(r"package://([\w-]+)(?=/)", lambda found: _package_folder(found[1], found[0]), message.data)
-    path = Path(tempfile.gettempdir()) / f"mild_ros-{hashlib.sha256(text.encode()).hexdigest()[:16]}.urdf"
-    path.write_text(text)
-    return path
+    # A name that nobody can foretell: whoever knew it could have put a link to another file in its place.
+    with tempfile.NamedTemporaryFile("w", prefix="mild_ros-", suffix=".urdf", delete=False) as file:
+        file.write(text)
+    return Path(file.name)
 
 
 def _package_folder(package: str, otherwise: str) -> str:
