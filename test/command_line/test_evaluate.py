@@ -6,19 +6,8 @@ import json
 import numpy as np
 import pytest
 
-from mild_core.inference.model import save_model
-from mild_core.learning.datasets.buetepage_hr import BUETEPAGE_HR
 from test.command_line.test_main import run
-from test.core.inference.random_model import manifest, paper_member, random_arrays
 from test.core.learning.test_buetepage_hr import one_hot, track, write
-
-
-@pytest.fixture(scope="module")
-def model(tmp_path_factory):
-    described = manifest((paper_member(),), components=3, interactions=BUETEPAGE_HR.interactions)
-    folder = tmp_path_factory.mktemp("models") / "made"
-    save_model(folder, described, random_arrays(described), "# Model card: made\n")
-    return folder
 
 
 @pytest.fixture(scope="module")

@@ -8,24 +8,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mild_core.inference.model import load_model, save_model
-from mild_core.learning.datasets.buetepage_hr import BUETEPAGE_HR
+from mild_core.inference.model import load_model
 from mild_core.learning.evaluation import errors_of_trial
 from mild_core.learning.latent_view import latent_track
 from mild_core.learning.model_predictor import ModelPredictor
 from mild_ros.command_line.plot_data import errors_over_window, motion_of, watched
 from test.command_line.test_main import run
 from test.command_line.test_train import smooth_track
-from test.core.inference.random_model import manifest, paper_member, random_arrays
 from test.core.learning.test_buetepage_hr import one_hot, write
-
-
-@pytest.fixture(scope="module")
-def model(tmp_path_factory):
-    described = manifest((paper_member(),), components=3, interactions=BUETEPAGE_HR.interactions)
-    folder = tmp_path_factory.mktemp("models") / "made"
-    save_model(folder, described, random_arrays(described), "# Model card: made\n")
-    return folder
 
 
 @pytest.fixture(scope="module")
