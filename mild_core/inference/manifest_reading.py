@@ -68,8 +68,8 @@ def parse_manifest(fields: Fields) -> Manifest:
     return Manifest(
         name=fields.text("name"),
         protocol=protocol,
-        observed=_observed(fields.object("observed")),
-        controlled=_controlled(fields.object("controlled")),
+        observed=read_observed(fields.object("observed")),
+        controlled=read_controlled(fields.object("controlled")),
         rate_hz=fields.number("rate_hz", 0.1, 1000.0),
         window=window,
         lead_frames=lead_frames,
@@ -79,14 +79,19 @@ def parse_manifest(fields: Fields) -> Manifest:
         interactions=interactions,
         prior=_prior(fields.object("prior")),
         members=tuple(_member(member) for member in fields.objects("members", 16)),
-        robot_from_human=_placement(fields.object("robot_from_human"), interactions),
+        robot_from_human=read_placement(fields.object("robot_from_human"), interactions),
         training=fields.object("training").values,
         errors=fields.object("errors").values,
         sha256=_digests(fields.object("sha256")),
     )
 
 
-def _observed(fields: Fields) -> ObservedAgent:
+def read_observed(fields: Fields) -> ObservedAgent:
+    """The person, as a manifest tells.
+
+    Raises:
+        SetupError: A key is missing, unknown or out of its bounds; of the kind that `fields` raises.
+    """
     fields.only(ObservedAgent.__dataclass_fields__)
     upper, fore = fields.numbers("bone_lengths_m", 2, 0.01, 2.0)
     return ObservedAgent(
@@ -98,7 +103,12 @@ def _observed(fields: Fields) -> ObservedAgent:
     )
 
 
-def _controlled(fields: Fields) -> ControlledAgent:
+def read_controlled(fields: Fields) -> ControlledAgent:
+    """Whom a model moves, as a manifest tells.
+
+    Raises:
+        SetupError: A key is missing, unknown or out of its bounds; of the kind that `fields` raises.
+    """
     fields.only(ControlledAgent.__dataclass_fields__)
     kind = fields.text("kind", CONTROLLED_KINDS)
     unit = fields.text("unit", (CONTROLLED_KINDS[kind],))
@@ -115,7 +125,12 @@ def _prior(fields: Fields) -> PriorSpec:
     )
 
 
-def _placement(fields: Fields, interactions: tuple[str, ...]) -> HumanPlacement:
+def read_placement(fields: Fields, interactions: tuple[str, ...]) -> HumanPlacement:
+    """Where the person stood, as a manifest tells.
+
+    Raises:
+        SetupError: A key is missing, unknown or out of its bounds; of the kind that `fields` raises.
+    """
     fields.only(HumanPlacement.__dataclass_fields__)
     x, y, z = fields.numbers("translation_m", 3, -10.0, 10.0)
     lengths = fields.numbers("arm_lengths_m", 2, 0.01, 2.0) if fields.values.get("arm_lengths_m") is not None else None

@@ -166,3 +166,21 @@ def read_archive(path: Path, names: Iterable[str]) -> dict[str, NDArray[Any]]:
         # A pickle is a program: a broken one may fail with any error there is, and none of them is ours.
         problem = f"holds a broken array ({type(broken).__name__}: {broken})"
         raise DatasetError(thing, problem, "fetch it again: it is broken") from None
+
+
+def numbers(thing: str, what: str, values: Any, columns: int) -> NDArray[np.float64]:
+    """`values` as (T, columns) finite numbers, T at least 2.
+
+    Raises:
+        DatasetError: They are not; names `thing` and the first bad frame.
+    """
+    if not isinstance(values, np.ndarray) or values.dtype.kind not in "iufb":
+        raise DatasetError(thing, f"its {what} is no array of numbers", REMEDY)
+    if values.ndim != 2 or values.shape[1] != columns:
+        raise DatasetError(thing, f"its {what} has shape {values.shape}, expected (frames, {columns})", REMEDY)
+    if len(values) < 2:
+        raise DatasetError(thing, f"its {what} has {len(values)} frames", "leave the trial out")
+    if not np.isfinite(values).all():
+        frame = int(np.flatnonzero(~np.isfinite(values).all(axis=1))[0])
+        raise DatasetError(thing, f"its {what} is not finite in frame {frame}", "leave the trial out, or repair it")
+    return values.astype(np.float64)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
 import types
 from collections.abc import Mapping
@@ -11,11 +12,14 @@ from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 from mild_core.errors import SetupError, unknown_name
-from mild_core.learning.datasets import recording_named
+from mild_core.learning.datasets import DATASETS, recording_named
 from mild_core.learning.settings import TrainingSettings, preset_named
 from mild_core.learning.windows import protocol_named
 
 FOLDER = Path(__file__).parent / "configurations"
+
+STEP_S = {"same": 0.4, "ahead": 0.4, "next": 0.125}
+"""How far belief and memory step in the shipped models, by protocol."""
 
 Settings = TypeVar("Settings")
 
@@ -26,7 +30,7 @@ class Configuration:
 
     Attributes:
         name: Of the model: the file's name without its ending.
-        dataset: Name in `DATASETS`.
+        dataset: Name in `DATASETS`, or the path of a folder of trials.
         protocol: One of that recording's.
         seed: Of all draws.
         start_from: Model (a name or folder) whose hidden layers of equal size the training starts from; "" for none.
@@ -87,6 +91,9 @@ def _configuration(path: Path, table: Mapping[str, Any], text: str) -> Configura
         given[key] = table[key]
     for key, value in given.items():
         _require(f"{path}, key '{key}'", value, int if key == "seed" else str)
+    beside = path.parent / Path(given["dataset"]).expanduser()
+    if given["dataset"] not in DATASETS and beside.is_dir():
+        given["dataset"] = str(beside)
     protocol = protocol_named(given["protocol"], recording_named(given["dataset"]).protocols).name
     preset = preset_named(given.pop("preset") or protocol)
     settings = overridden(preset, table.get("settings", {}), f"{path}, settings")
@@ -155,9 +162,22 @@ NAMES = {
 
 
 def configuration_for(dataset: str, protocol: str) -> Configuration | None:
-    """The configuration of the model that is shipped for a recording and protocol; None where none is."""
+    """The configuration of the model that is shipped for a recording and protocol; None where none is.
+
+    Of a folder of trials the protocol's preset, its steps being as long as in the shipped models.
+
+    Raises:
+        SetupError: A folder of trials cannot be read, or there is no such protocol.
+    """
     for name in configuration_names():
         found = read_configuration(name)
         if (found.dataset, found.protocol) == (dataset, protocol):
             return found
-    return None
+    if dataset in DATASETS:
+        return None
+    recording = recording_named(dataset)
+    rate_hz = recording.rate_hz / protocol_named(protocol, recording.protocols).keep_every
+    stride = max(1, round(STEP_S[protocol] * rate_hz))
+    text = f'dataset = {json.dumps(dataset)}\nprotocol = "{protocol}"\n[settings]\n'
+    text += f"stride = {stride}  # belief and memory step every {stride / rate_hz:.2g} s\ngradient_stride = {stride}\n"
+    return _configuration(Path(f"{recording.name}_{protocol}.toml"), tomllib.loads(text), text)

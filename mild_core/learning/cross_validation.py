@@ -17,7 +17,7 @@ from pathlib import Path
 from mild_core.errors import unknown_name
 from mild_core.learning.baseline import Recognising
 from mild_core.learning.configuration import Configuration
-from mild_core.learning.datasets import DATASETS, recording_named
+from mild_core.learning.datasets import recording_named
 from mild_core.learning.evaluation import TrialErrors, errors_of_trial
 from mild_core.learning.folds import FOLDS, folds_of
 from mild_core.learning.methods import METHODS, method_for
@@ -87,7 +87,7 @@ def jobs_of(
 
 @lru_cache(maxsize=4)
 def _read(recording: str, path: Path) -> Demonstrations:
-    return DATASETS[recording].read(path)
+    return recording_named(recording).read(path)
 
 
 def run_job(job: Job) -> Result:
@@ -96,7 +96,7 @@ def run_job(job: Job) -> Result:
     Raises:
         DatasetError: The recording cannot be read.
     """
-    protocol = DATASETS[job.recording].protocols[job.protocol]
+    protocol = recording_named(job.recording).protocols[job.protocol]
     fold = folds_of(_read(job.recording, job.path).train)[job.fold]
     method = method_for(job.method, job.configuration)
     begin = time.perf_counter()

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mild_core.errors import unknown_name
+from mild_core.inference.manifest import HumanPlacement
 from mild_core.learning.demonstration import Demonstration
 from mild_core.learning.units import ANGLES, POSITIONS, Unit
 from mild_core.learning.windows import Protocol
@@ -36,7 +37,7 @@ class Demonstrations:
 
 @dataclass(frozen=True)
 class Recording:
-    """One published recording.
+    """One published recording, or a folder of trials (`trials.recording_of`).
 
     Attributes:
         name: Its name in `DATASETS`.
@@ -47,12 +48,13 @@ class Recording:
         touching: Those in which hands meet and which tell where the person stood; none where no robot was there.
         observed_names: Observed joints, from the shoulder outwards.
         observed_side: "right" or "left" arm of the person.
-        robot: Name in `retargeting.robots.ROBOTS`; "" when the controlled agent is a second person.
+        robot: Name in `retargeting.robots.ROBOTS`, or of a robot file; "" when the controlled agent is a second person.
         controlled_names: Controlled joints in the order of the recorded columns.
         licence: What is known of it.
         source: Who recorded it and where it is published.
         read: From the file to demonstrations; raises DatasetError.
         protocols: How it is cut, by name: figures compare only within one of them.
+        placement: Where the person stood before the robot, if the recording says so; None has it fitted to `touching`.
     """
 
     name: str
@@ -69,11 +71,17 @@ class Recording:
     source: str
     read: Callable[[Path], Demonstrations]
     protocols: Mapping[str, Protocol]
+    placement: HumanPlacement | None = None
 
     @property
     def unit(self) -> Unit:
         """Of the controlled agent's motion, and so of errors."""
         return ANGLES if self.robot else POSITIONS
+
+    @property
+    def known_as(self) -> str:
+        """What `datasets.recording_named` finds it by: its name, or the path of a folder of trials."""
+        return self.file if Path(self.file).is_absolute() else self.name
 
     def default_path(self) -> Path:
         """Below $MILD_DATA, or beside the checkout, where developers keep shared data."""

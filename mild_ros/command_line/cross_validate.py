@@ -60,7 +60,7 @@ def request_of(config: str, dataset: str, data: Path | None, protocol: str, ever
     from mild_core.learning.windows import protocol_named
 
     configured = read_configuration(config) if config else None
-    recording = recording_named(dataset or (configured.dataset if configured else "buetepage_hr"))
+    recording = recording_named(dataset or (configured.dataset if configured else "buetepage_hr"), data)
     name = protocol or (configured.protocol if configured else "same")
     protocols = tuple(recording.protocols) if every else (protocol_named(name, recording.protocols).name,)
     return Request(recording, data or recording.default_path(), protocols, configured)
@@ -97,8 +97,8 @@ def cross_validate(request: Request, out: Path, as_json: bool) -> None:
     tables = {}
     for protocol in request.protocols:
         wanted = request.methods or tuple(METHODS)
-        configuration = located(request.configuration or configuration_for(recording.name, protocol))
-        jobs = jobs_of(recording.name, request.path, protocol, wanted, seeds, configuration)
+        configuration = located(request.configuration or configuration_for(recording.known_as, protocol))
+        jobs = jobs_of(recording.known_as, request.path, protocol, wanted, seeds, configuration)
         rows = compare(_run(jobs, request.workers, protocol), recording.interactions)
         about = {"dataset": recording.name, "protocol": protocol, "folds": FOLDS, "seeds": seeds, "date": _today()}
         about |= {"unit": recording.unit.squared, "cores": os.cpu_count(), "machine": platform.machine()}

@@ -27,7 +27,11 @@ def evaluate(
         Path | None, typer.Option(metavar="FILE", help="The recording [default: $MILD_DATA/<dataset's file>].")
     ] = None,
     dataset: Annotated[
-        str, typer.Option(help="Which recording that is [default: the model's or configuration's].")
+        str,
+        typer.Option(
+            metavar="NAME|FOLDER",
+            help="Which recording, or folder of trials [default: of model or configuration].",
+        ),
     ] = "",
     protocol: Annotated[
         str, typer.Option(help="same, ahead or next: what is predicted [default: the model's; of --cv: same].")
@@ -65,6 +69,8 @@ def evaluate(
 
         mild evaluate --cv --config my_model.toml --method mild --method kernel_ridge
 
+        mild evaluate --cv --dataset my_trials --protocol ahead
+
     It leaves a table as text, JSON and picture: mean ± deviation over seeds, 95 % intervals from drawing trials, and
     the change against each bar with the p-value of a paired test over trials (Wilcoxon's signed-rank).
 
@@ -100,7 +106,7 @@ def _evaluate_model(
     if labels not in LABELS:
         raise unknown_name("labels", labels, LABELS)
     model = load_model(model_folder(name))
-    recording = recording_named(dataset or str(model.manifest.training.get("dataset", "buetepage_hr")))
+    recording = recording_named(dataset or str(model.manifest.training.get("dataset", "buetepage_hr")), data)
     protocol = protocol_named(protocol_name or model.manifest.protocol, recording.protocols)
     require_fit(model.manifest, protocol, ())
     path = data or recording.default_path()

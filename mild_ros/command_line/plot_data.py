@@ -47,7 +47,7 @@ def watched(name: str, data: Path | None, split: str, trial: int | None = None) 
     from mild_ros.share import model_folder
 
     model = load_model(model_folder(name))
-    recording = recording_named(str(model.manifest.training.get("dataset", "buetepage_hr")))
+    recording = recording_named(str(model.manifest.training.get("dataset", "buetepage_hr")), data)
     protocol, path = recording.protocols[model.manifest.protocol], data or recording.default_path()
     trials = recording.read(path).split(split)
     if not trials:

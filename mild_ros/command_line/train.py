@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 
 EXIT_INTERRUPTED = 130
 
+LIVE = "yumi_buetepage_ahead"
+"""The configuration of the shipped model that moves a robot live."""
+
 METHOD = "mild"
 """Row of a cross-validation that a trained model is."""
 
@@ -37,8 +40,15 @@ LEAST_TRIALS = 2
 def train(
     out: Annotated[Path, typer.Option(metavar="FOLDER", help="The model folder to write.")],
     config: Annotated[
-        str, typer.Option(metavar="NAME|FILE", help="How to train, and on what: a shipped configuration, or yours.")
-    ] = "yumi_buetepage_ahead",
+        str,
+        typer.Option(
+            metavar="NAME|FILE",
+            help=f"How to train, and on what: a shipped one, or yours [default: {LIVE}, or as fits --dataset].",
+        ),
+    ] = "",
+    dataset: Annotated[
+        str, typer.Option(metavar="NAME|FOLDER", help="Another recording, or a folder of `mild demonstrations`.")
+    ] = "",
     data: Annotated[
         Path | None, typer.Option(metavar="FILE", help="The recording [default: $MILD_DATA/<dataset's file>].")
     ] = None,
@@ -68,19 +78,19 @@ def train(
 
         mild train --config yumi_buetepage_same --epochs 20 --members 1 --out out/quick
 
+    From bags that you recorded (`mild demonstrations --help`):
+
+        mild train --dataset my_trials --out my_model
+
     The folder then works wherever a model is named: `ros2 run mild_ros pipeline --ros-args -p model:=my_model`. Without
     --errors the uncertainty is measured on the training trials themselves and so too small; the card says so.
     """
-    from mild_core.learning.datasets import DATASETS
+    from mild_core.learning.datasets import recording_named
 
-    asked = _asked(config, seed, epochs, members)
-    settings = asked.settings
-    recording = DATASETS[asked.dataset]
-    measured = _measured(errors, asked)
-    path = data or recording.default_path()
-    trials = recording.read(path).train
-    if len(trials) < LEAST_TRIALS:
-        raise SetupError(str(path), f"holds {len(trials)} training trials", f"give at least {LEAST_TRIALS}")
+    asked = _asked(config, dataset, seed, epochs, members)
+    settings, recording = asked.settings, recording_named(asked.dataset, data)
+    measured = _measured(errors, asked, recording)
+    trials = _trials(recording, data or recording.default_path())
     out.mkdir(parents=True, exist_ok=True)  # a folder that cannot be written is said before an hour of training
     from mild_core.learning.carry_over import start_of
     from mild_core.learning.training import train as train_model
@@ -88,23 +98,34 @@ def train(
     protocol = recording.protocols[asked.protocol]
     epochs_of = train_model(trials, protocol, settings, asked.seed, recording.interactions, start_of(asked))
     trained = _finished(epochs_of, settings, out)
-    command = f"mild train --config {config} --seed {asked.seed} --epochs {settings.epochs}"
+    chosen = [f"--config {config or LIVE}"] * bool(config or not dataset) + [f"--dataset {dataset}"] * bool(dataset)
+    command = f"mild train {' '.join(chosen)} --seed {asked.seed} --epochs {settings.epochs}"
     command += f" --members {settings.members} --out {out}" + (f" --errors {errors}" if errors else "")
-    _write(out, trained, trials, asked, measured, command)
+    _write(out, trained, trials, (asked, recording), measured, command)
 
 
-def _asked(config: str, seed: int | None, epochs: int, members: int) -> Configuration:
+def _trials(recording: Recording, path: Path) -> tuple[Demonstration, ...]:
+    """Those to learn from."""
+    trials = recording.read(path).train
+    if len(trials) < LEAST_TRIALS:
+        raise SetupError(str(path), f"holds {len(trials)} training trials", f"give at least {LEAST_TRIALS}")
+    return trials
+
+
+def _asked(config: str, dataset: str, seed: int | None, epochs: int, members: int) -> Configuration:
     """The configuration with what the options change of it, and the folder of the model that it starts from."""
-    from mild_core.learning.configuration import read_configuration
+    from mild_core.learning.configuration import configuration_for, configuration_names, read_configuration
 
-    asked = read_configuration(config)
-    settings = asked.settings
+    asked = read_configuration(config or LIVE) if config or not dataset else configuration_for(dataset, "ahead")
+    if asked is None:
+        raise SetupError(f"dataset {dataset}", "is not enough", f"add --config {'|'.join(configuration_names())}")
+    settings, asked = asked.settings, replace(asked, dataset=dataset or asked.dataset)
     settings = replace(settings, epochs=epochs or settings.epochs, members=members or settings.members)
     start_from = str(model_folder(asked.start_from)) if asked.start_from else ""
     return replace(asked, settings=settings, seed=asked.seed if seed is None else seed, start_from=start_from)
 
 
-def _measured(path: Path | None, asked: Configuration) -> dict[str, Any]:
+def _measured(path: Path | None, asked: Configuration, recording: Recording) -> dict[str, Any]:
     """The table of a cross-validation; empty without one."""
     if path is None:
         return {}
@@ -114,9 +135,9 @@ def _measured(path: Path | None, asked: Configuration) -> dict[str, Any]:
         of = (table["dataset"], table["protocol"])
     except (ValueError, KeyError, TypeError) as error:
         raise SetupError(str(path), f"is no table of a cross-validation ({error})", "run mild evaluate --cv") from None
-    if of != (asked.dataset, asked.protocol) or "given" not in found:
+    if of != (recording.name, asked.protocol) or "given" not in found:
         problem = f"holds {of[0]}, protocol '{of[1]}', methods {sorted({r['method'] for r in table['methods']})}"
-        raise SetupError(str(path), problem, f"run mild evaluate --cv --config {asked.name} --method {METHOD}")
+        raise SetupError(str(path), problem, f"run mild evaluate --cv --method {METHOD} on the same")
     return table
 
 
@@ -157,7 +178,7 @@ def _write(
     out: Path,
     trained: TrainedModel,
     trials: tuple[Demonstration, ...],
-    asked: Configuration,
+    how: tuple[Configuration, Recording],
     measured: dict[str, Any],
     command: str,
 ) -> None:
@@ -166,11 +187,10 @@ def _write(
 
     from mild_core.inference.model import save_model
     from mild_core.learning.card import cross_validation_entry, model_card
-    from mild_core.learning.datasets import DATASETS
     from mild_core.learning.evaluation import errors_of_trial, summarise
     from mild_core.learning.export import ModelFacts, export
 
-    recording = DATASETS[asked.dataset]
+    asked, recording = how
     if measured:
         row = next(r for r in measured["methods"] if (r["method"], r["labels"]) == (METHOD, "given"))
         residual, source = np.array(row["residual_covariance"]), "cross-validation"
@@ -197,13 +217,13 @@ def _write(
 
 
 def _placement(recording: Recording, trials: tuple[Demonstration, ...]) -> HumanPlacement:
-    """Where the person stood; where hands never met a robot that is not told, and nobody is asked."""
+    """Where the person stood: as the recording says, or fitted to where hands meet; else nobody is asked."""
     from mild_core.learning.contact import fit_contact
     from mild_core.learning.export import ORIGIN
     from mild_core.retargeting.robots import ROBOTS
 
-    if not recording.touching:
-        return ORIGIN
+    if recording.placement is not None or not recording.touching:
+        return recording.placement or ORIGIN
     return fit_contact(trials, ROBOTS[recording.robot], recording.touching).placement()
 
 

@@ -3,24 +3,36 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from mild_core.errors import unknown_name
 from mild_core.learning.datasets.buetepage_hr import BUETEPAGE_HR
 from mild_core.learning.datasets.nuisi import NUISI
 from mild_core.learning.datasets.nuisi_v1 import NUISI_V1
 from mild_core.learning.datasets.pepper_nuisi import PEPPER_NUISI
 from mild_core.learning.recording import Recording
+from mild_core.learning.trials import recording_of
 
 DATASETS: dict[str, Recording] = {
     recording.name: recording for recording in (BUETEPAGE_HR, NUISI, PEPPER_NUISI, NUISI_V1)
 }
 
 
-def recording_named(name: str) -> Recording:
-    """The recording of that name.
+def recording_named(name: str, data: Path | None = None) -> Recording:
+    """The recording of that name, or in that folder of trials.
+
+    Args:
+        name: In `DATASETS`, or the path of a folder that `mild demonstrations` wrote.
+        data: What the user gave as its file; a folder of trials wins over any name.
 
     Raises:
         SetupError: There is none.
     """
-    if name not in DATASETS:
-        raise unknown_name("dataset", name, DATASETS)
-    return DATASETS[name]
+    if data is not None and data.is_dir():
+        return recording_of(data)
+    if name in DATASETS:
+        return DATASETS[name]
+    folder = Path(name).expanduser()
+    if folder.is_dir() or len(folder.parts) > 1:
+        return recording_of(folder)
+    raise unknown_name("dataset", name, (*DATASETS, "the path of a folder of trials"))

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from mild_core.errors import DatasetError
-from mild_core.learning.archive import REMEDY
-from mild_core.learning.datasets.traj_data import numbers, read_splits
+from mild_core.learning.archive import REMEDY, numbers
+from mild_core.learning.datasets.traj_data import read_splits
 from mild_core.learning.demonstration import Demonstration
 from mild_core.learning.recording import Demonstrations, Recording
 from mild_core.learning.windows import protocols

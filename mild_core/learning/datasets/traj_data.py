@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mild_core.errors import DatasetError
 from mild_core.learning.archive import REMEDY, read_archive
@@ -41,24 +40,6 @@ def read_splits(path: Path, trial_of: TrialOf) -> Demonstrations:
         things = [f"trial {index} of split '{split}' in '{path}'" for index in range(len(tracks))]
         parts.append(tuple(trial_of(things[i], i, *pair) for i, pair in enumerate(zip(tracks, labels, strict=True))))
     return Demonstrations(*parts)
-
-
-def numbers(thing: str, what: str, values: Any, columns: int) -> NDArray[np.float64]:
-    """`values` as (T, columns) finite numbers, T at least 2.
-
-    Raises:
-        DatasetError: They are not; names `thing` and the first bad frame.
-    """
-    if not isinstance(values, np.ndarray) or values.dtype.kind not in "iufb":
-        raise DatasetError(thing, f"its {what} is no array of numbers", REMEDY)
-    if values.ndim != 2 or values.shape[1] != columns:
-        raise DatasetError(thing, f"its {what} has shape {values.shape}, expected (frames, {columns})", REMEDY)
-    if len(values) < 2:
-        raise DatasetError(thing, f"its {what} has {len(values)} frames", "leave the trial out")
-    if not np.isfinite(values).all():
-        frame = int(np.flatnonzero(~np.isfinite(values).all(axis=1))[0])
-        raise DatasetError(thing, f"its {what} is not finite in frame {frame}", "leave the trial out, or repair it")
-    return values.astype(np.float64)
 
 
 def numbered(thing: str, label: Any, interactions: tuple[str, ...]) -> str:
