@@ -124,6 +124,14 @@ class Limiter:
         times_s = [share * self._plan.duration for share in STOP_SHARES]
         return (motion, *(JointMotion(*map(tuple, self._plan.at_time(time_s))) for time_s in times_s))
 
+    def bears(self, motion: JointMotion) -> bool:
+        """Whether `motion` is inside these limits."""
+        pairs = (
+            (motion.velocity_rad_s, self._stop.max_velocity),
+            (motion.acceleration_rad_s2, self._stop.max_acceleration),
+        )
+        return all(abs(rate) <= most + ROUNDING for each in pairs for rate, most in zip(*each, strict=True))
+
     def resting_place(self, motion: JointMotion) -> Joints:
         """Where `motion` comes to rest if stopped now: J positions [rad].
 

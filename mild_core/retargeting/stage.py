@@ -169,7 +169,7 @@ class Retargeting:
         elif state.mode is Mode.HOLDING and state.displaced:
             wanted = self._limiter.toward(motion, self._inside(np.array(state.measured_rad)), elapsed_s)
         elif state.mode is Mode.RETURNING:
-            wanted = self._slow.toward(motion, self._home, elapsed_s)
+            wanted = self._homeward(motion, elapsed_s)
         else:
             return state, self._limiter.stop(motion, elapsed_s)
         if wanted.resting and wanted.position_rad == motion.position_rad:
@@ -218,6 +218,15 @@ class Retargeting:
             points = self.standing.placed(points, sight.frame_id, state.place_m or self.standing.place_m)
         return body_of(points[0], points[1:])
 
+    def _homeward(self, motion: JointMotion, elapsed_s: float) -> JointMotion:
+        """A step of the slow way home, or of a stop while the arm is quicker than that way can bear.
+
+        Slow brakes would carry an arm that an interaction has left in full flight far beyond its limits.
+        """
+        if self._slow.bears(motion) and self._is_inside(self._slow.resting_place(motion)):
+            return self._slow.toward(motion, self._home, elapsed_s)
+        return self._limiter.stop(motion, elapsed_s)
+
     def _at_home(self, motion: JointMotion) -> bool:
         away_rad = max(abs(now - home) for now, home in zip(motion.position_rad, self._home, strict=True))
         return motion.resting and away_rad < AT_HOME_RAD
@@ -232,6 +241,10 @@ class Retargeting:
             target = np.array(self._arm.joints(target, motion.position_rad))
         wanted: FloatArray = np.minimum(np.maximum(target, self._lower), self._upper)
         return wanted
+
+    def _is_inside(self, positions_rad: Joints) -> bool:
+        places = np.array(positions_rad)
+        return bool((places >= self.robot.lower_rad).all() and (places <= self.robot.upper_rad).all())
 
     def _inside(self, positions_rad: FloatArray) -> Joints:
         return tuple(np.minimum(np.maximum(positions_rad, self._lower), self._upper).tolist())

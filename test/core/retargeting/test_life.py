@@ -67,6 +67,17 @@ def test_two_interactions_in_a_row_go_through_every_mode() -> None:
     check_limits(YUMI, run.commands)
 
 
+def test_an_interaction_that_ends_in_full_flight_breaks_no_limit() -> None:
+    end = YUMI.home_rad - np.eye(7)[2] * 0.7  # near the end of that joint's range
+    run = Meeting(RetargetingSettings(ramp_velocity_rad_s=10.0, interaction_s=0.25))
+    run.meet(0.5, REST_M)
+    run.meet(4.0, MEETING_M, end)
+    assert run.modes()[-2:] == ["returning", "ready"]
+    first = next(command for command in run.commands if command.mode == "returning")
+    assert np.abs(first.velocities_rad_s).max() > 2.0 * run.retargeting.settings.home_velocity_rad_s
+    check_limits(YUMI, run.commands)
+
+
 def test_the_robot_stays_at_home_while_nobody_starts() -> None:
     run = Meeting()
     run.meet(2.0, REST_M, AWAY)
