@@ -100,6 +100,8 @@ class Commanding:
         alarms.pop("mode", None)
         if state.displaced:
             alarms["mode"] = (DiagnosticStatus.WARN, "holding: the robot is not where it was told to be")
+        elif state.silent:
+            alarms["mode"] = (DiagnosticStatus.WARN, "holding: the robot has ceased to say where it is")
         elif state.mode in ATTENTION:
             alarms["mode"] = (DiagnosticStatus.WARN, ATTENTION[state.mode])
         self._diagnostics.facts["mode"] = state.mode.value

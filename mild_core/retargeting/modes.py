@@ -42,6 +42,7 @@ class Situation:
         raised: Their hand has left its rest, or nobody tells where hands are.
         held: The operator holds the robot.
         displaced: The robot is not where it was told to be.
+        silent: The robot has ceased to say where it is.
         at_home: The robot rests at home.
         patience_over: The robot has held at rest for as long as it should before it goes home.
         too_long: It has been on its way home for longer than it should.
@@ -52,6 +53,7 @@ class Situation:
     raised: bool
     held: bool
     displaced: bool
+    silent: bool
     at_home: bool
     patience_over: bool
     too_long: bool
@@ -63,7 +65,7 @@ def next_mode(mode: Mode, given: Situation) -> Mode:
         return mode
     if given.held:
         return Mode.HELD
-    if given.displaced or mode is Mode.HELD:
+    if given.displaced or given.silent or mode is Mode.HELD:
         return Mode.HOLDING
     if given.usable and given.raised:
         return Mode.FOLLOWING

@@ -83,7 +83,15 @@ def take_measurement(
     inside = np.minimum(np.maximum(measured, robot.lower_rad), robot.upper_rad)
     if np.abs(measured - inside).max() > OUTSIDE_RAD:
         return state.ended("outside_limits")
-    state = replace(state, measured_rad=tuple(inside.tolist()))
+    reports = state.measured_ns is not None and (now_ns - state.measured_ns) * 1e-9 <= settings.stale_after_s
+    state = replace(
+        state,
+        measured_rad=tuple(inside.tolist()),
+        measured_ns=now_ns,
+        reports=state.reports or reports,
+        silent=False,
+        holding_since_ns=now_ns if state.silent else state.holding_since_ns,
+    )
     if state.motion is None or (state.mode is Mode.DISABLED and state.motion.resting):
         mode = Mode.IDLE if state.mode is Mode.WAITING else state.mode
         # What comes next is a first command, not one that continues the last.

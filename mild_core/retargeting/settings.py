@@ -20,7 +20,7 @@ class RetargetingSettings:
     Attributes:
         look_ahead_s: How far ahead of now a motion is read: makes up for the lag of the limits. The default follows
             recorded motions best: 0.29 degrees, 0.87 without it. The faster a motion, the more it lags: 20 to 75 ms.
-        stale_after_s: Hold when the newest motion came longer ago than this.
+        stale_after_s: Hold when the newest motion, or the robot's word on where it is, came longer ago than this.
         max_age_s: Hold when the newest motion's stamp is older than this; such a motion is refused on arrival.
         max_future_s: A motion stamped further ahead of now than this is refused: two clocks disagree.
         unknown_after_s: Hold when what the person does has been unknown to the model for longer than this.

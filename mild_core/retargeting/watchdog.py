@@ -30,6 +30,15 @@ def known(state: RetargetingState, settings: RetargetingSettings, now_ns: int) -
     return since_ns is None or (now_ns - since_ns) * 1e-9 <= settings.unknown_after_s
 
 
+def with_ear(state: RetargetingState, settings: RetargetingSettings, now_ns: int) -> RetargetingState:
+    """The state that notices when a robot which said where it is has ceased to: nobody knows what it does then."""
+    if state.silent or not state.reports or state.measured_ns is None or state.mode is Mode.DISABLED:
+        return state
+    if (now_ns - state.measured_ns) * 1e-9 <= settings.stale_after_s:
+        return state
+    return replace(state, silent=True).counted("robot_silent")
+
+
 def after_gap(state: RetargetingState, motion: JointMotion, now_ns: int) -> RetargetingState:
     """The state after a long time without a command: the robot has come to rest at the last one.
 
@@ -37,7 +46,9 @@ def after_gap(state: RetargetingState, motion: JointMotion, now_ns: int) -> Reta
     """
     if state.mode is Mode.FOLLOWING:
         state = replace(state, mode=Mode.HOLDING, holding_since_ns=now_ns)
-    return replace(state, motion=JointMotion.at_rest(motion.position_rad)).counted("gap")
+    # Whoever sent no command heard nothing either.
+    heard_ns = None if state.measured_ns is None else now_ns
+    return replace(state, measured_ns=heard_ns, motion=JointMotion.at_rest(motion.position_rad)).counted("gap")
 
 
 def after_time_jump(state: RetargetingState, now_ns: int) -> RetargetingState:
@@ -51,9 +62,10 @@ def after_time_jump(state: RetargetingState, now_ns: int) -> RetargetingState:
         mode=Mode.HOLDING if stops else state.mode,
         commanded_ns=None,
         plan=None,
-        ramp=None,
+        pursuit=None,
         unknown_since_ns=None,
         displaced_since_ns=None,
+        measured_ns=None if state.measured_ns is None else now_ns,
         person=None,
         sight=None,
         holding_since_ns=now_ns,

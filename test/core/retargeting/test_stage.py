@@ -12,7 +12,7 @@ from mild_core.retargeting.stage import Mode, RetargetingSettings
 from mild_core.shapes import FloatArray
 from mild_core.signals import JointMeasurement
 from test.core.retargeting.limits import check_limits
-from test.core.retargeting.perfect import START_NS, TICK_NS, window
+from test.core.retargeting.perfect import START_NS, TICK_NS, measurement, window
 from test.core.retargeting.run import AWAY, SECOND_NS, Run
 
 
@@ -171,6 +171,23 @@ def test_other_joints_may_be_measured_too() -> None:
     assert run.give(JointMeasurement(START_NS, names, np.array([9.0, *AWAY[::-1]]))) == "measured"
     run.wait(0.1)
     np.testing.assert_array_equal(run.last.positions_rad, AWAY)
+
+
+def test_a_robot_that_falls_silent_is_stopped_until_it_speaks_again() -> None:
+    run = Run()
+    for _ in range(10):
+        run.wait(0.1, AWAY)
+        run.give(measurement(run.last.positions_rad))
+    run.wait(0.4, AWAY)
+    assert run.last.mode == "following"
+    run.wait(3.0, YUMI.home_rad)
+    assert run.last.mode == "holding"
+    assert not run.last.velocities_rad_s.any()
+    assert run.state.counts["robot_silent"] == 1
+    run.give(measurement(run.last.positions_rad))
+    run.wait(0.1, AWAY)
+    assert run.last.mode == "following"
+    check_limits(YUMI, run.commands)
 
 
 @pytest.mark.parametrize(
