@@ -8,6 +8,8 @@ shoulder that leans forward moves in the arm frame, as it does in the recordings
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -31,6 +33,9 @@ STEEPEST_COSINE = 0.5
 
 NARROWEST_M = 0.1
 """Shoulders nearer than this, or nearer to the pelvis, span no axes."""
+
+MISPLACED = ("mirrored", "wrong_up_axis")
+"""Reasons of `check_trunk`: nobody knows where such a body is."""
 
 _FLAT = "are the names of the joints in the tracker's order?"
 
@@ -162,6 +167,33 @@ def torso_axes(left_shoulder_m: FloatArray, right_shoulder_m: FloatArray, pelvis
     return np.stack([np.cross(left, up), left, up])
 
 
+def check_trunk(body: Body, calibration: Calibration, min_confidence: float) -> None:
+    """Raise DataError unless a calibrated person still stands upright in the camera's frame, not facing away from it.
+
+    A mirrored picture, swapped names or turned axes show in a trunk that lies down or turns round from one frame to
+    the next. A trunk that is not seen says nothing.
+
+    Args:
+        body: The frame.
+        calibration: Of the person in it.
+        min_confidence: Least confidence of the trunk's joints.
+
+    Raises:
+        DataError: `mirrored` or `wrong_up_axis`.
+    """
+    try:
+        (left, right), pelvis = believed(body, _SHOULDERS, min_confidence), _pelvis(body, min_confidence)
+    except DataError:
+        return
+    _, along, up = calibration.arm_from_source.tolist()
+    across = tuple(a - b for a, b in zip(left, right, strict=True))
+    if _dot(across, along) < -STEEPEST_COSINE * math.hypot(*across):
+        raise DataError("mirrored", "left and right are swapped all of a sudden, or the person has turned round")
+    rising = tuple((a + b) / 2.0 - c for a, b, c in zip(left, right, pelvis, strict=True))
+    if _dot(rising, up) < STEEPEST_COSINE * math.hypot(*rising):
+        raise DataError("wrong_up_axis", "the trunk does not stand upright any more: have the axes changed?")
+
+
 def _check_axes(body: FloatArray, middle_m: FloatArray, facing_m: FloatArray, frame_id: str, source_axes: Axes) -> None:
     if source_axes in _UP and float(body[2] @ np.array(_UP[source_axes])) < STEEPEST_COSINE:
         fitting = [axes for axes, up in _UP.items() if float(body[2] @ np.array(up)) >= STEEPEST_COSINE]
@@ -175,6 +207,10 @@ def _check_axes(body: FloatArray, middle_m: FloatArray, facing_m: FloatArray, fr
     if source_axes == "optical" and not facing_m.any() and away > STEEPEST_COSINE:  # people face their camera
         seen = f"the person seems to look away from the camera of '{frame_id}': turn around"
         raise DataError("mirrored", f"{seen}; or left and right are swapped, by left-handed axes or joint names")
+
+
+def _dot(one: Sequence[float], other: Sequence[float]) -> float:
+    return sum([a * b for a, b in zip(one, other, strict=True)])
 
 
 def _nearest_axis(direction: FloatArray) -> str:

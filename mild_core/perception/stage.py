@@ -11,7 +11,8 @@ Every message ends in exactly one outcome, and no message is lost without being 
     missing_joint, not_finite, zeroed, out_of_range, low_confidence, bone_length
                                       an arm joint (while calibrating also the trunk's) cannot be believed
     flat_torso, wrong_up_axis, wrong_forward_axis, mirrored
-                                      the trunk says that the axes are wrong: nothing is calibrated on it
+                                      the trunk says that the axes are wrong: nothing is calibrated on it, nor
+                                      taken of somebody who turns upside down or inside out after it
 
 Beside them, events are counted that may come with any outcome: `windows`, `filled` (of these, bridged by
 interpolation), `missed` (messages that never came), `gap_reset`, `time_reset`, `calibrated`, `reacquired`,
@@ -32,7 +33,16 @@ from mild_core.perception.arm import in_arm_frame
 from mild_core.perception.calibration import Calibration
 from mild_core.perception.gates import Body, Point, believed, bone_lengths, check_bones
 from mild_core.perception.identity import Lock, Seen, find_person, locked_on
-from mild_core.perception.neutral import FULL_SECOND, NeutralFrame, calibrate, neutral_frame, strayed_m, with_newest
+from mild_core.perception.neutral import (
+    FULL_SECOND,
+    MISPLACED,
+    NeutralFrame,
+    calibrate,
+    check_trunk,
+    neutral_frame,
+    strayed_m,
+    with_newest,
+)
 from mild_core.perception.person import person_pose
 from mild_core.perception.resampling import Cadence
 from mild_core.perception.settings import PerceptionSettings
@@ -119,6 +129,8 @@ class Perception:
                 calibration = state.calibration
                 events["calibrated"] += calibration is not None
         except DataError as error:
+            if error.reason in MISPLACED:  # nobody knows where this body is
+                return _ended(state, events, error.reason, error.detail)
             person = self._pose(calibration, seen.body, False) if calibration else None
             state = self._outgrown(replace(state, lock=lock, cadence=cadence), seen.person, error, events)
             return _ended(state, events, error.reason, error.detail, person=person)
@@ -199,6 +211,8 @@ class Perception:
         settings, calibration = self.settings, state.calibration
         given = settings.axes == "given"  # then the shoulder itself may be the origin
         points = believed(body, settings.sided_names, settings.min_confidence, zero_root_allowed=given)
+        if calibration is not None:
+            check_trunk(body, calibration, settings.min_confidence)
         known = calibration.bone_lengths_m if calibration else None
         check_bones(bone_lengths(points), known, settings.bone_tolerance)
         return points

@@ -8,8 +8,9 @@ from typing import Any, Literal
 
 from mild_ros.faults import people, robots
 
-Answer = Literal["rests", "gives way", "goes on"]
-"""What the robot does: it comes to rest and stays there; it goes where it has been put; or it goes on following."""
+Answer = Literal["rests", "rests for a while", "gives way", "goes on"]
+"""What the robot does: it comes to rest and stays there, or until all is well again; it goes where it has been put; or
+it goes on following."""
 
 Processes = Literal["", "killed", "stopped", "loaded"]
 """Done to processes: inference is killed and started anew, retargeting stands still, or the machine is busy."""
@@ -35,6 +36,7 @@ class Fault:
         robot: What the robot says meanwhile.
         processes: What is done to processes.
         clock_s: How far the clock of a replay jumps at the begin; 0 for faults that come in real time.
+        live: Whether it happens in real time to the three nodes and a simulated robot, or to the pipeline in a replay.
         anew: Whether the person has to be calibrated anew, and stands still for it.
     """
 
@@ -49,6 +51,7 @@ class Fault:
     robot: robots.RobotFault = robots.truthful
     processes: Processes = ""
     clock_s: float = 0.0
+    live: bool = False
     anew: bool = False
 
 
@@ -71,11 +74,18 @@ def _passed_over(name: str, what: str, counted: str, tracker: people.TrackerFaul
 
 
 _ROWS = (
-    Fault("tracker stops", "No message comes any more.", (STALE,), tracker=people.silent),
+    Fault("tracker stops", "No message comes any more.", (STALE,), tracker=people.silent, live=True),
     _of_tracker("nobody there", "Messages come with nobody in them.", "nobody", people.nobody),
     _passed_over("slow tracker", "Messages come at 5 Hz.", "perception missed", people.as_it_is, rate_hz=5.0),
-    _of_tracker("pauses", "A second of silence, twice.", "gap_reset", people.pausing(0.3, 1.0), lasts_s=2.4),
-    _passed_over("flood", "Messages come at 1 kHz.", "skeleton count", people.as_it_is, rate_hz=1000.0),
+    _of_tracker(
+        "pauses",
+        "A second of silence, twice.",
+        "gap_reset",
+        people.pausing(0.3, 1.0),
+        lasts_s=2.4,
+        answer="rests for a while",
+    ),
+    _passed_over("flood", "Messages come at 1 kHz.", "skeleton count", people.as_it_is, rate_hz=1000.0, live=True),
     _passed_over("repetitions", "Each message comes three times.", "perception duplicate", people.repeated(3)),
     _passed_over(
         "late copies", "After each comes an old one.", "perception out_of_order", people.with_late_copies(0.2)
@@ -93,12 +103,32 @@ _ROWS = (
     _of_tracker("other frame", "Messages name another tf frame.", "unknown_frame", people.in_frame("elsewhere")),
     _of_tracker("other axes", "z is up all of a sudden.", "other_person", people.turned(OTHER_AXES)),
     _of_tracker("millimetres", "Positions are in millimetres.", "out_of_range", people.turned(MILLIMETRES)),
-    Fault("robot silent", "No joint_states come.", ("retargeting robot_silent",), robot=robots.mute),
-    Fault("robot NaN", "All joint_states are NaN.", ("retargeting robot_silent",), robot=robots.not_a_number),
-    Fault("pushed", "Somebody moves the arm by 34°.", ("retargeting displaced",), "gives way", robot=robots.by_hand),
-    Fault("busy", "Two idle loops for each core.", ("retargeting accepted",), "goes on", processes="loaded"),
-    Fault("stall", "Retargeting stands still.", ("retargeting gap",), within_s=0.3, lasts_s=0.6, processes="stopped"),
-    Fault("killed", "Inference is killed, then started.", (STALE,), processes="killed"),
+    Fault("robot silent", "No joint_states come.", ("retargeting robot_silent",), robot=robots.mute, live=True),
+    Fault(
+        "robot NaN",
+        "All joint_states are NaN.",
+        ("messages not_finite", "retargeting robot_silent"),
+        robot=robots.not_a_number,
+    ),
+    Fault(
+        "pushed",
+        "Somebody moves the arm by 34°.",
+        ("retargeting displaced",),
+        "gives way",
+        robot=robots.by_hand,
+        live=True,
+    ),
+    Fault("busy", "Two idle loops for each core.", ("retargeting accepted",), "goes on", processes="loaded", live=True),
+    Fault(
+        "stall",
+        "Retargeting stands still.",
+        ("retargeting gap",),
+        within_s=0.3,
+        lasts_s=0.6,
+        processes="stopped",
+        live=True,
+    ),
+    Fault("killed", "Inference is killed, then started.", (STALE,), processes="killed", live=True),
     Fault("bag loops", "/clock goes back 8 s.", ("retargeting time_backwards",), clock_s=-8.0, anew=True),
     Fault("bag skips", "/clock goes on 8 s.", ("retargeting gap",), clock_s=8.0, anew=True),
 )

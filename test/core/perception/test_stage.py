@@ -10,6 +10,8 @@ import pytest
 
 from mild_core.perception.stage import Perception
 from mild_core.signals import SkeletonFrame
+from mild_ros.faults.people import TrackerFault, left_is_right, turned
+from mild_ros.faults.table import MIRROR
 from test.core.perception.scene import (
     FASTEST_M_S,
     PERSON,
@@ -233,3 +235,23 @@ def test_a_wrist_stands_in_for_a_hand() -> None:
 
     _, windows = run([handless(people) for people in seen(at_rate(40.0, 2.0))])
     np.testing.assert_allclose(newest_arms(windows), truth(windows, swing), atol=EXACT_M)
+
+
+@pytest.mark.parametrize(
+    ("reason", "fault"),
+    [
+        ("mirrored", turned(MIRROR)),
+        ("mirrored", left_is_right),
+        ("wrong_up_axis", turned(((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0)))),
+    ],
+)
+def test_axes_that_turn_all_of_a_sudden_move_nothing(reason: str, fault: TrackerFault) -> None:
+    messages = seen(at_rate(40.0, 3.0))
+    spoilt = [message for (frame,) in messages[60:100] for message in fault(frame, 0.0)]
+    state, windows = run(messages[:60] + spoilt + messages[100:])
+    # Upside down the person seems to be elsewhere at first.
+    assert state.counts[reason] + state.counts.get("other_person", 0) == 40
+    assert state.counts["gap_reset"] == 1
+    assert state.counts["accepted"] == 40
+    assert state.lock is not None
+    np.testing.assert_allclose(newest_arms(windows), truth(windows), atol=EXACT_M)
