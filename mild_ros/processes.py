@@ -103,9 +103,10 @@ class Nodes:
             self.stop(name)
         signal.signal(signal.SIGTERM, self._before)
 
-    def start(self, name: str, parameters: Mapping[str, object]) -> None:
-        """Start the executable `name` of ours with these parameters."""
+    def start(self, name: str, parameters: Mapping[str, object], topics: Mapping[str, str] | None = None) -> None:
+        """Start the executable `name` of ours with these parameters, and with other names for its `topics`."""
         words = [word for key, value in parameters.items() for word in ("-p", f"{key}:={_as_yaml(value)}")]
+        words += [word for topic, other in (topics or {}).items() for word in ("-r", f"{topic}:={other}")]
         command = [sys.executable, "-m", f"mild_ros.{name}_node", "--ros-args", *words]
         with self._log(name).open("wb") as log:
             self._running[name] = subprocess.Popen(
@@ -142,6 +143,16 @@ class Nodes:
     def has_said(self, name: str, words: str) -> bool:
         """Whether a node has printed `words`."""
         return words in self._log(name).read_text(errors="replace")
+
+    def signal(self, name: str, number: int) -> None:
+        """Send a signal to a node."""
+        self._running[name].send_signal(number)
+
+    def kill(self, name: str) -> None:
+        """End a node without asking."""
+        process = self._running.pop(name)
+        process.kill()
+        process.wait()
 
     def stop(self, name: str) -> None:
         """End a node: ask, ask again, then end it."""
