@@ -68,6 +68,7 @@ setup(
         "pin-pink",
         "pybullet; python_version < '3.12'",
         "pybullet-arm64; python_version >= '3.12'",
+        "pyyaml",
         "rich",
         "rosbags",
         "ruckig",

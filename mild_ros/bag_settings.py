@@ -5,8 +5,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mild_core.perception.skeletons import SOURCES
+from mild_core.perception.skeletons import SOURCES, SkeletonSource
 from mild_ros.parameters import parameter
+from mild_ros.tracker_settings import TrackerParameters
 
 FIRST_HEARD = "first message on {}"
 """What the recorder says of a topic, for whoever waits for it."""
@@ -24,7 +25,7 @@ class RecordParameters:
 
 
 @dataclass(frozen=True)
-class ReplayParameters:
+class ReplayParameters(TrackerParameters):
     """Of the replay node."""
 
     bag: str = parameter("", "Folder or file of the bag to replay.")
@@ -41,8 +42,9 @@ class ReplayParameters:
     clock: bool = parameter(
         False, "In real time: tell the bag's time on `/clock`, for nodes with `use_sim_time`, and leave stamps alone."
     )
-    source: str = parameter("azure_kinect", "Tracker convention of the skeletons in the bag.", choices=tuple(SOURCES))
-    skeleton_topic: str = parameter("", "Topic of the skeletons in the bag; empty finds it by its type.")
+    skeleton_topic: str = parameter(
+        "", "Topic of the skeletons in the bag, for a source with a single one; empty finds it by its type."
+    )
     also: tuple[str, ...] = parameter(
         (), "Further topics of the bag to send under their own names; [all] for every one but commands."
     )
@@ -62,3 +64,11 @@ class ReplayParameters:
     )
     control_rate_hz: float = parameter(100.0, "Ticks of `/clock` per second.", unit="Hz", minimum=10.0, maximum=500.0)
     salvage: bool = parameter(False, "Read what is readable of a broken bag.")
+
+    def tracker(self) -> SkeletonSource:
+        """Whose topics to look for; only where there is one for each joint do joints have to be named here.
+
+        Raises:
+            SetupError: Names are given, but wrong ones.
+        """
+        return self.named_source() if self.joint_names else SOURCES[self.source]

@@ -18,6 +18,7 @@ from typing import Any
 from rosbags.interfaces import Connection, Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer, WriterError
 from rosbags.rosbag2.storage_mcap import McapWriter
+from rosbags.typesys.store import Typestore
 
 from mild_core.errors import BagError
 from mild_ros.bag_parts import Part, continued, list_parts, set_aside
@@ -34,11 +35,13 @@ class BagWriter:
 
     Attributes:
         path: Its folder.
+        types: Of what is written.
         counts: Messages written by topic.
     """
 
-    def __init__(self, path: Path, *, durable: bool, split_bytes: int = 0) -> None:
+    def __init__(self, path: Path, *, durable: bool, split_bytes: int, types: Typestore) -> None:
         self.path = path
+        self.types = types
         self.counts: dict[str, int] = {}
         self._split_bytes = split_bytes
         self._parts: list[Part] = []
@@ -77,7 +80,7 @@ class BagWriter:
             False,
         )
         self._connections[topic] = self._writer.add_connection(
-            topic, type_name, typestore=jazzy_types(), offered_qos_profiles=[qos]
+            topic, type_name, typestore=self.types, offered_qos_profiles=[qos]
         )
         self.counts[topic] = 0
 
@@ -173,13 +176,16 @@ class BagWriter:
 
 
 @contextmanager
-def create_bag(path: Path | str, *, durable: bool = False, split_bytes: int = 0) -> Iterator[BagWriter]:
+def create_bag(
+    path: Path | str, *, durable: bool = False, split_bytes: int = 0, types: Typestore | None = None
+) -> Iterator[BagWriter]:
     """Write a new bag; it is ended properly however the block is left.
 
     Args:
         path: The folder to make; must not exist.
         durable: Keep disk space in reserve for a proper ending on a full disk (for live recording).
         split_bytes: Begin a new file when one is so long; 0 for never.
+        types: Of what will be written; None for those of ROS 2 Jazzy.
 
     Raises:
         BagError: The folder exists or cannot be made, or the disk is full; what was written is kept.
@@ -188,7 +194,7 @@ def create_bag(path: Path | str, *, durable: bool = False, split_bytes: int = 0)
     if path.exists():
         raise BagError(str(path), "exists already", "choose a new folder or remove this one")
     try:
-        writer = BagWriter(path, durable=durable, split_bytes=split_bytes)
+        writer = BagWriter(path, durable=durable, split_bytes=split_bytes, types=types or jazzy_types())
     except (OSError, WriterError) as error:
         raise BagError(str(path), f"cannot be written ({_reason(error)})", "check the folder and the disk") from None
     try:

@@ -69,6 +69,7 @@ class BagReader:
         self.start_ns = int(reader.start_time)
         self.duration_s = max(int(reader.duration), 0) * 1e-9
         self._reader = reader
+        self._types: Typestore | None = None
         self.topics: Mapping[str, TopicSummary] = {
             topic: TopicSummary(info.msgtype or "(several types)", info.msgcount)
             for topic, info in reader.topics.items()
@@ -76,6 +77,14 @@ class BagReader:
         names = [name for connection in reader.connections for name in (connection.topic, connection.msgtype)]
         if not all(isinstance(name, str) and name for name in names):
             raise ValueError("a topic or a type has no name")
+
+    @property
+    def types(self) -> Typestore:
+        """The types of ROS 2 Jazzy, and those of the bag's own definitions that it does not have."""
+        if self._types is None:
+            self._types, own = get_typestore(Stores.ROS2_JAZZY), self._reader.typestore.fielddefs
+            self._types.register({name: own[name] for name in own if name not in self._types.fielddefs})
+        return self._types
 
     def messages(self, topics: Collection[str] | None = None, start_ns: int | None = None) -> Iterator[RawMessage]:
         """Messages in order of receipt, of `topics` only and not before `start_ns` when given.

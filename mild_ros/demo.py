@@ -7,13 +7,17 @@ import math
 import shutil
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from mild_core.errors import SetupError
+from mild_ros.assembly.perception import skeleton_source
+from mild_ros.bag_people import skeleton_feeds
 from mild_ros.bag_settings import FIRST_HEARD
 from mild_ros.bags import open_bag
+from mild_ros.parameter_files import changed
 from mild_ros.processes import Nodes, private_domain
+from mild_ros.settings import PipelineParameters
 
 RECORDED = "recorded"
 """Folder of the bag that a run leaves."""
@@ -22,10 +26,12 @@ PATIENCE_S = 600.0
 """For nodes to start: the first start compiles, and a busy machine takes its time."""
 
 TOPICS = (
-    *("skeleton", "joint_states", "joint_command", "motion", "motion_state", "interaction", "true_motion", "handled"),
+    *("joint_states", "joint_command", "motion", "motion_state", "interaction", "true_motion", "handled"),
     "/diagnostics",
 )
-"""What is recorded: enough for every picture. Windows and beliefs would be published for the recorder alone."""
+"""Recorded beside the skeletons: enough for every picture. Windows and beliefs would be published for that alone."""
+
+REPLAYING = {False: "replaying", True: "replaying over and over; control-C ends it"}
 
 AFTERWARDS_S = 0.7
 """The last commands get this long to be carried out and written down."""
@@ -41,25 +47,27 @@ class RunOptions:
     """What a run may differ in.
 
     Attributes:
-        model: Name or folder.
-        interaction: An interaction of the model, or `auto`.
-        source: Tracker convention of the bag.
-        robot: Whom to command.
+        pipeline: Parameters of the pipeline: tracker, model, robot and all else.
         skeleton_topic: In the bag; "" finds it by its type.
         lock_step: As fast as every message is handled, on simulated time, rather than in real time.
         salvage: Read what is readable of a broken bag.
+        start_s: How much of the bag's beginning to skip.
+        rate: Speed in real time.
+        loop: Begin the bag again after its end, until KeyboardInterrupt.
     """
 
-    model: str = "yumi_buetepage_ahead"
-    interaction: str = "auto"
-    source: str = "azure_kinect"
-    robot: str = "yumi"
+    pipeline: PipelineParameters = field(default_factory=PipelineParameters)
     skeleton_topic: str = ""
     lock_step: bool = False
     salvage: bool = False
+    start_s: float = 0.0
+    rate: float = 1.0
+    loop: bool = False
 
 
-def run_nodes(bag: Path, out: Path, options: RunOptions, progress: Progress) -> Path:
+def run_nodes(
+    bag: Path, out: Path, options: RunOptions, progress: Progress, when_ready: Callable[[], None] = lambda: None
+) -> Path:
     """Send a bag to the pipeline and a simulated robot, all of them processes of their own, and record it.
 
     Args:
@@ -67,6 +75,7 @@ def run_nodes(bag: Path, out: Path, options: RunOptions, progress: Progress) -> 
         out: Folder for the recorded bag and the nodes' logs; an earlier run there is replaced.
         options: How.
         progress: Told what goes on.
+        when_ready: Called before the first message, when everybody is at work.
 
     Returns:
         The recorded bag.
@@ -75,44 +84,64 @@ def run_nodes(bag: Path, out: Path, options: RunOptions, progress: Progress) -> 
         SetupError: The bag is broken, or a node failed.
     """
     with open_bag(bag, salvage=options.salvage) as opened:
-        duration_s = opened.duration_s
+        duration_s = max(opened.duration_s - options.start_s, LOOK_S) / options.rate
+        feeds = skeleton_feeds(opened, skeleton_source(options.pipeline), options.skeleton_topic)
     recorded = out / RECORDED
     shutil.rmtree(recorded, ignore_errors=True)
-    sim_time = {"use_sim_time": True} if options.lock_step else {}
     with private_domain() as domain, Nodes(domain, out / "log") as nodes:
-        nodes.start("simulation", {"robot": options.robot} | sim_time)
-        nodes.start("record", {"bag": recorded.resolve(), "topics": TOPICS} | sim_time)
-        told = {"model": options.model, "interaction": options.interaction, "robot": options.robot}
-        nodes.start("pipeline", told | {"source": options.source, "report_handled": True} | sim_time)
+        _start_listeners(nodes, recorded, [feed.topic for feed in feeds.values()], options)
         # Only then does the bag start: whatever a recorder writes down has been discovered, loaded and is at work.
         flowing = FIRST_HEARD.format("/joint_states" if options.lock_step else "/joint_command")
         _until(lambda: nodes.has_said("record", flowing), nodes, lambda: progress("starting nodes", 0.0), PATIENCE_S)
+        when_ready()
         nodes.start("replay", _replay_parameters(bag, options))
         _until(lambda: nodes.has_said("replay", "replaying"), nodes, lambda: progress("starting nodes", 0.0))
-        begin_s = time.monotonic()
-
-        def tell() -> None:
-            progress("replaying", min((time.monotonic() - begin_s) / max(duration_s, 1e-3), 1.0))
-
-        _until(lambda: nodes.has_ended("replay"), nodes, tell)
-        progress("replaying", 1.0)
-        end_s = time.monotonic() + AFTERWARDS_S
-        _until(lambda: time.monotonic() > end_s, nodes, lambda: None)
+        _follow(nodes, duration_s, progress, forever=options.loop)
         nodes.stop("record")
     return recorded
 
 
+def _start_listeners(nodes: Nodes, recorded: Path, skeleton_topics: list[str], options: RunOptions) -> None:
+    """Start all nodes but the one that sends the bag."""
+    sim_time = {"use_sim_time": True} if options.lock_step else {}
+    told = changed(options.pipeline)
+    simulated = {name: told[name] for name in ("robot", "robot_description") if name in told}
+    nodes.start("simulation", simulated | sim_time)
+    nodes.start("record", {"bag": recorded.resolve(), "topics": [*TOPICS, *skeleton_topics]} | sim_time)
+    nodes.start("pipeline", told | {"report_handled": True} | sim_time)
+
+
+def _follow(nodes: Nodes, duration_s: float, progress: Progress, *, forever: bool) -> None:
+    """Wait until the bag has ended, and until what it caused is over; KeyboardInterrupt ends one that never does."""
+    begin_s, what = time.monotonic(), REPLAYING[forever]
+
+    def tell() -> None:
+        share = (time.monotonic() - begin_s) / duration_s
+        progress(what, share % 1.0 if forever else min(share, 1.0))
+
+    try:
+        _until(lambda: nodes.has_ended("replay"), nodes, tell)
+    except KeyboardInterrupt:
+        if not forever:
+            raise
+    progress(what, 1.0)
+    end_s = time.monotonic() + AFTERWARDS_S
+    _until(lambda: time.monotonic() > end_s, nodes, lambda: None)
+
+
 def _replay_parameters(bag: Path, options: RunOptions) -> dict[str, object]:
     """The pipeline and the recorder listen; the simulated robot says where it is."""
+    asked = {name: getattr(options, name) for name in ("skeleton_topic", "salvage", "start_s", "rate", "loop")}
+    same = ("source", "joint_names", "joint_places", "robot", "control_rate_hz")
+    tracked = {name: getattr(options.pipeline, name) for name in same}
     return {
+        **asked,
+        **tracked,
         "bag": bag.resolve(),
         "mode": "lock_step" if options.lock_step else "real_time",
         "joint_states": "none",
-        "source": options.source,
-        "skeleton_topic": options.skeleton_topic,
         "subscribers": 2,
         "patience_s": PATIENCE_S,
-        "salvage": options.salvage,
     }
 
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from rosbags.interfaces import Nodetype
+from rosbags.typesys.store import Typestore
 
 from mild_ros.bags import jazzy_types
 
@@ -30,18 +31,19 @@ def type_name_of(message: Any) -> str:
     return f"{package}/{kind}/{type(message).__name__}"
 
 
-def encode(message: Any, shift_ns: int = 0) -> bytes:
+def encode(message: Any, shift_ns: int = 0, types: Typestore | None = None) -> bytes:
     """The CDR bytes of `message`, equal for equal messages.
 
     Args:
         message: Of rclpy or of rosbags.
         shift_ns: Added to every stamp in it; a stamp of zero stays zero, as it stands for none.
+        types: That know its type; None for those of ROS 2 Jazzy.
     """
-    name = type_name_of(message)
-    return bytes(jazzy_types().serialize_cdr(_rebuilt(message, name, shift_ns), name))
+    name, types = type_name_of(message), types or jazzy_types()
+    return bytes(types.serialize_cdr(_rebuilt(message, name, shift_ns, types), name))
 
 
-def restamped(data: bytes, type_name: str, decode: Callable[[], Any], shift_ns: int) -> bytes:
+def restamped(data: bytes, type_name: str, decode: Callable[[], Any], shift_ns: int, types: Typestore) -> bytes:
     """A message with `shift_ns` added to every stamp in it.
 
     Args:
@@ -49,6 +51,7 @@ def restamped(data: bytes, type_name: str, decode: Callable[[], Any], shift_ns: 
         type_name: Its type.
         decode: Reads it; called only when the stamps cannot be found in the bytes.
         shift_ns: Nanoseconds.
+        types: That know its type.
 
     Returns:
         CDR bytes. A MarkerArray of a tracker has the same stamp in each marker and takes ten times longer to read
@@ -59,26 +62,25 @@ def restamped(data: bytes, type_name: str, decode: Callable[[], Any], shift_ns: 
         stamp_ns = sec * 10**9 + nanosec
         if stamp_ns and data.count(data[8:16]) == count:
             return data.replace(data[8:16], struct.pack("<iI", *divmod(stamp_ns + shift_ns, 10**9)))
-    return encode(decode(), shift_ns)
+    return encode(decode(), shift_ns, types)
 
 
-def _rebuilt(message: Any, type_name: str, shift_ns: int) -> Any:
+def _rebuilt(message: Any, type_name: str, shift_ns: int, types: Typestore) -> Any:
     """The same message in rosbags' own class."""
-    types = jazzy_types()
     _, fields = types.fielddefs[type_name]
-    values = {name: _value(getattr(message, name), kind, shift_ns) for name, kind in fields}
+    values = {name: _value(getattr(message, name), kind, shift_ns, types) for name, kind in fields}
     if shift_ns and type_name == _TIME and any(values.values()):
         values["sec"], values["nanosec"] = divmod(values["sec"] * 10**9 + values["nanosec"] + shift_ns, 10**9)
     return types.types[type_name](**values)
 
 
-def _value(value: Any, kind: Any, shift_ns: int) -> Any:
+def _value(value: Any, kind: Any, shift_ns: int, types: Typestore) -> Any:
     node, detail = kind
     if node is Nodetype.NAME:
-        return _rebuilt(value, detail, shift_ns)
+        return _rebuilt(value, detail, shift_ns, types)
     if node is Nodetype.BASE:
         return value[0] if isinstance(value, bytes) else value
     element, name = detail[0]
     if element is Nodetype.BASE and name[0] != "string":
         return np.asarray(value, dtype="uint8" if name[0] in _BYTE_NAMES else name[0])
-    return [_value(item, detail[0], shift_ns) for item in value]
+    return [_value(item, detail[0], shift_ns, types) for item in value]

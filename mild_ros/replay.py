@@ -15,43 +15,25 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
-from mild_core.errors import BagError, DataError
+from mild_core.errors import BagError, DataError, SetupError
 from mild_core.perception.skeletons import SkeletonSource
 from mild_core.pipeline import Pipeline, PipelineInput, PipelineOutput, PipelineState
 from mild_core.retargeting.robot import RobotModel
 from mild_core.signals import JointMeasurement
+from mild_ros.bag_people import skeleton_feeds
 from mild_ros.bag_writer import BagWriter, create_bag
 from mild_ros.bags import BagReader, RawMessage, open_bag, topic_of_type
 from mild_ros.encoding import encode, type_name_of
+from mild_ros.messages.feeds import Feed
 from mild_ros.messages.joint_state import joint_command_to_msg, joint_measurement_from_msg, joint_measurement_to_msg
 from mild_ros.messages.motion import motion_state_to_msg, motion_to_msg
 from mild_ros.messages.person import person_to_msg
-from mild_ros.messages.skeletons import ADAPTERS, people_from_msg
+from mild_ros.replay_events import JOINT_STATES, SKELETON, TAKEN, TRUE_MOTION, Event, with_ticks
 
-SKELETON, JOINT_STATES, TRUE_MOTION, TICK = "skeleton", "joint_states", "true_motion", ""
 JOINT_STATE_TYPE = "sensor_msgs/msg/JointState"
-
-TAKEN = (SKELETON, JOINT_STATES, TICK)
-"""Inputs that the pipeline takes; any other is only passed on."""
 
 NEVER_WITH_ALL = ("joint_command", "joint_trajectory", "position_command", "joint_angles", "clock", "handled")
 """Whoever asks for all topics of a bag does not mean to command a robot, or to tell the time twice."""
-
-
-@dataclass(frozen=True)
-class Event:
-    """Something that happens during a replay.
-
-    Attributes:
-        time_ns: When.
-        input: `SKELETON` or `JOINT_STATES`: the topic our nodes take it on; `TICK` for a tick of the clock; another is
-            a topic that is only passed on: `TRUE_MOTION`, what the recorded robot did, or one under its own name.
-        message: What arrives; None for a tick.
-    """
-
-    time_ns: int
-    input: str
-    message: RawMessage | None = None
 
 
 @dataclass(frozen=True)
@@ -60,7 +42,7 @@ class Inputs:
 
     Attributes:
         source: Tracker convention of its skeletons.
-        skeleton_topic: Their topic in the bag; "" finds it by its type.
+        skeleton_topic: Their topic in the bag, of sources with a single one; "" finds it by its type.
         joint_states: `bag`, `home` (one message says that the robot stands at home), `none`, or `auto`: the bag's if
             there are any, otherwise home.
         robot: Whose joints these are.
@@ -81,14 +63,15 @@ class Inputs:
         Raises:
             BagError: The bag has no such topic, or is broken.
         """
-        wanted = self.topics(bag)
+        wanted, feeds = self.topics(bag), self.feeds(bag)
         at_home = self.joint_states == "home" or (self.joint_states == "auto" and JOINT_STATES not in wanted.values())
         start_ns = self._start_ns(bag)
         for raw in bag.messages(wanted, start_ns):
             if at_home:
                 yield Event(raw.time_ns, JOINT_STATES, self._at_home(raw.time_ns))
                 at_home = False
-            yield Event(raw.time_ns, wanted[raw.topic], raw)
+            topic = feeds[raw.topic].topic if raw.topic in feeds else ""
+            yield Event(raw.time_ns, wanted[raw.topic], raw, topic)
 
     def laps(self, bag: BagReader, *, forever: bool) -> Iterator[Event]:
         """The bag's messages once, or over and over: time then begins anew.
@@ -109,14 +92,25 @@ class Inputs:
         Raises:
             BagError: The bag does not have one of them.
         """
-        skeletons = topic_of_type(bag, ADAPTERS[self.source.message].type_name, self.skeleton_topic)
+        skeletons = dict.fromkeys(self.feeds(bag), SKELETON)
         recorded = "/joint_states" in bag.topics and bag.topics["/joint_states"].count > 0
-        wanted = {topic: topic for topic in self._others(bag)} | {skeletons: SKELETON}
+        wanted = {topic: topic for topic in self._others(bag)} | skeletons
         if self.joint_states == "bag" or (self.joint_states == "auto" and recorded):
             wanted[topic_of_type(bag, JOINT_STATE_TYPE, "joint_states")] = JOINT_STATES
         if f"/{TRUE_MOTION}" in bag.topics:
             wanted[f"/{TRUE_MOTION}"] = TRUE_MOTION
         return wanted
+
+    def feeds(self, bag: BagReader) -> Mapping[str, Feed]:
+        """How the bag's skeletons are read, by topic; each call begins with an empty memory.
+
+        Raises:
+            SetupError: As `skeleton_feeds`, or a topic is given for a source that has several.
+        """
+        feeds = skeleton_feeds(bag, self.source, self.skeleton_topic)
+        if self.skeleton_topic and SKELETON not in (feed.topic for feed in feeds.values()):
+            raise SetupError("skeleton_topic", f"{self.source.name} has several", "leave it out; see joint_places")
+        return feeds
 
     def _others(self, bag: BagReader) -> list[str]:
         if self.also == ("all",):
@@ -134,20 +128,6 @@ class Inputs:
     def _at_home(self, time_ns: int) -> RawMessage:
         message = joint_measurement_to_msg(JointMeasurement(time_ns, self.robot.joint_names, self.robot.home_rad))
         return RawMessage("/joint_states", JOINT_STATE_TYPE, time_ns, encode(message))
-
-
-def with_ticks(messages: Iterator[Event], rate_hz: float = 100.0) -> Iterator[Event]:
-    """The messages and, between them, ticks on a grid that begins at the first of them, or where time begins anew."""
-    period_ns = round(1e9 / rate_hz)
-    tick_ns = newest_ns = 0
-    for event in messages:
-        if not newest_ns or event.time_ns < newest_ns:
-            tick_ns = event.time_ns
-        newest_ns = event.time_ns
-        while tick_ns <= event.time_ns:
-            yield Event(tick_ns, TICK)
-            tick_ns += period_ns
-        yield event
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,17 +172,19 @@ def fold(bag: BagReader, pipeline: Pipeline, inputs: Inputs, rate_hz: float = 10
     Raises:
         BagError: As `Inputs.messages`.
     """
-    state = pipeline.init()
+    state, feeds = pipeline.init(), inputs.feeds(bag)
     for event in with_ticks(inputs.messages(bag), rate_hz):
         if event.input not in TAKEN:
             yield Step(event, PipelineOutput(), state)
             continue
         try:
-            given = _decoded(bag, event, inputs.source)
+            given, whole = _decoded(bag, event, feeds)
         except DataError as error:
             yield Step(event, PipelineOutput(), state, unreadable=error.reason)
             continue
-        state, output = pipeline.step(state, given, event.time_ns)
+        output = PipelineOutput()
+        if whole:
+            state, output = pipeline.step(state, given, event.time_ns)
         yield Step(event, output, state)
 
 
@@ -235,7 +217,7 @@ def replay_in_process(
     state = pipeline.init()
     with ExitStack() as stack:
         bag = stack.enter_context(open_bag(bag_path, salvage=salvage))
-        written = stack.enter_context(create_bag(output_path)) if output_path else None
+        written = stack.enter_context(create_bag(output_path, types=bag.types)) if output_path else None
         for step in fold(bag, pipeline, inputs, rate_hz):
             first_ns, last_ns, state = first_ns or step.event.time_ns, step.event.time_ns, step.state
             if step.unreadable:
@@ -255,7 +237,7 @@ def replay_in_process(
 def _write(bag: BagWriter, step: Step, commands: list[bytes], interactions: tuple[str, ...]) -> None:
     time_ns, message = step.event.time_ns, step.event.message
     if message is not None:
-        bag.write(f"/{step.event.input.lstrip('/')}", message.type_name, time_ns, message.data)
+        bag.write(f"/{step.event.name.lstrip('/')}", message.type_name, time_ns, message.data)
     person = step.output.person
     if person is not None:
         bag.write("/person", "sensor_msgs/msg/PointCloud2", time_ns, encode(person_to_msg(person)))
@@ -269,15 +251,16 @@ def _write(bag: BagWriter, step: Step, commands: list[bytes], interactions: tupl
         bag.write("/joint_command", JOINT_STATE_TYPE, time_ns, data)
 
 
-def _decoded(bag: BagReader, event: Event, source: SkeletonSource) -> PipelineInput:
-    """The event's message as the pipeline takes it.
+def _decoded(bag: BagReader, event: Event, feeds: Mapping[str, Feed]) -> tuple[PipelineInput, bool]:
+    """The event's message as the pipeline takes it, and whether it does: one joint alone shows nobody yet.
 
     Raises:
         DataError: It cannot be read.
     """
     if event.message is None:
-        return None
+        return None, True
     message = bag.decode(event.message)
     if event.input == JOINT_STATES:
-        return joint_measurement_from_msg(message)
-    return people_from_msg(message, source, event.time_ns)
+        return joint_measurement_from_msg(message), True
+    people = feeds[event.message.topic].read(message, event.time_ns)
+    return people, people is not None

@@ -13,7 +13,6 @@ from std_msgs.msg import Header
 from std_srvs.srv import SetBool
 
 from mild_core.errors import SetupError
-from mild_core.perception.skeletons import SOURCES
 from mild_core.retargeting.robot_file import find_robot
 from mild_ros.audience import LOOK_PERIOD_S, Audience
 from mild_ros.bag_settings import ReplayParameters
@@ -22,7 +21,8 @@ from mild_ros.clock import steady_clock
 from mild_ros.messages.handled import handled_from_msg
 from mild_ros.parameters import declare
 from mild_ros.quality_of_service import FATE
-from mild_ros.replay import Inputs, with_ticks
+from mild_ros.replay import Inputs
+from mild_ros.replay_events import with_ticks
 from mild_ros.replay_topics import ReplayTopics
 from mild_ros.running import giving_up, run
 from mild_ros.sending import LockStep, RealTime
@@ -37,23 +37,24 @@ class ReplayNode(Node):
         if not given.bag:
             raise SetupError("parameter bag", "is empty", "name a bag, e.g. -p bag:=bags/handshake")
         self._in_lock_step = given.mode == "lock_step"
-        source, auto = SOURCES[given.source], "auto" if self._in_lock_step else "none"
-        states = auto if given.joint_states == "auto" else given.joint_states
-        inputs = Inputs(source, find_robot(given.robot), given.skeleton_topic, states, given.start_s, given.also)
+        states = given.joint_states if given.joint_states != "auto" or self._in_lock_step else "none"
+        inputs = Inputs(
+            given.tracker(), find_robot(given.robot), given.skeleton_topic, states, given.start_s, given.also
+        )
         self._bags = ExitStack()
         self._bag = self._bags.enter_context(open_bag(Path(given.bag).expanduser(), salvage=given.salvage))
         if self._bag.lost:
             self.get_logger().warning(f"{given.bag}: {self._bag.lost}")
         ticking = self._in_lock_step or given.clock
-        self._topics = ReplayTopics(self, self._bag, inputs, source, ticking)
+        self._topics = ReplayTopics(self, self._bag, inputs, ticking)
         events = inputs.laps(self._bag, forever=given.loop)
         events = with_ticks(events, given.control_rate_hz) if ticking else events
         self._sender: LockStep | RealTime
         if self._in_lock_step:
             self._sender = LockStep(events, self._topics.send, self._topics.tick, given.patience_s)
         else:
-            decode = self._bag.decode if given.restamp and not given.clock else None
-            self._sender = RealTime(events, self._topics.send, self._topics.tick, given.rate, decode)
+            restamped = self._bag if given.restamp and not given.clock else None
+            self._sender = RealTime(events, self._topics.send, self._topics.tick, given.rate, restamped)
         fates = self.create_subscription(Header, "handled", self._on_handled, FATE)
         wanted = [(self._topics.listeners, given.subscribers)]
         wanted += [(fates.get_publisher_count, given.reporters)] if self._in_lock_step else []

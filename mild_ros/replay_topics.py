@@ -9,13 +9,13 @@ from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
-from mild_core.perception.skeletons import SkeletonSource
 from mild_ros.bags import BagReader
 from mild_ros.message_types import message_class
-from mild_ros.messages.skeletons import ADAPTERS
+from mild_ros.messages.feeds import message_class as message_class_of
 from mild_ros.messages.stamps import time_to_msg
-from mild_ros.quality_of_service import BETWEEN_STAGES
-from mild_ros.replay import JOINT_STATES, SKELETON, TRUE_MOTION, Inputs
+from mild_ros.quality_of_service import BETWEEN_STAGES, STATIC_TRANSFORMS
+from mild_ros.replay import Inputs
+from mild_ros.replay_events import JOINT_STATES, SKELETON, TRUE_MOTION
 
 
 class ReplayTopics:
@@ -25,21 +25,23 @@ class ReplayTopics:
         node: Whose.
         bag: The bag.
         inputs: What of it is sent.
-        source: Convention of the skeletons.
         clock: Whether `/clock` is told.
 
     Attributes:
         left_out: What will not be sent, in a few words; "" for nothing.
     """
 
-    def __init__(self, node: Node, bag: BagReader, inputs: Inputs, source: SkeletonSource, clock: bool) -> None:
+    def __init__(self, node: Node, bag: BagReader, inputs: Inputs, clock: bool) -> None:
         unknown: dict[str, int] = {}
-        types = {SKELETON: ADAPTERS[source.message].message_type, JOINT_STATES: JointState, TRUE_MOTION: JointState}
-        wanted = inputs.topics(bag)
-        names = [*dict.fromkeys(wanted.values())]
+        types = {JOINT_STATES: JointState, TRUE_MOTION: JointState}
+        names = [name for name in dict.fromkeys(inputs.topics(bag).values()) if name != SKELETON]
         if inputs.joint_states in ("home", "auto") and JOINT_STATES not in names:
             names.append(JOINT_STATES)
         self._publishers: dict[str, Publisher] = {}
+        for feed in inputs.feeds(bag).values():
+            quality = STATIC_TRANSFORMS if feed.latched else BETWEEN_STAGES
+            self._publishers[feed.topic] = node.create_publisher(message_class_of(feed.type_name), feed.topic, quality)
+        self._skeletons = list(self._publishers.values())
         for name in names:
             kind = types[name] if name in types else message_class(bag.topics[name].type_name)
             if kind is None:
@@ -64,8 +66,9 @@ class ReplayTopics:
 
     def listeners(self) -> int:
         """How many subscribe to the skeletons."""
-        return int(self._publishers[SKELETON].get_subscription_count())
+        return min(int(publisher.get_subscription_count()) for publisher in self._skeletons)
 
     def finish(self) -> None:
         """Let the last messages arrive."""
-        self._publishers[SKELETON].wait_for_all_acked(Duration(seconds=1.0))
+        for publisher in self._skeletons:
+            publisher.wait_for_all_acked(Duration(seconds=1.0))

@@ -8,16 +8,15 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import partial
-from typing import Any
 
 from rclpy.clock import Clock as RosClock
 from rclpy.clock import ClockType
 
 from mild_core.errors import DataError, SetupError
-from mild_ros.bags import RawMessage
+from mild_ros.bags import BagReader
 from mild_ros.encoding import restamped
 from mild_ros.messages.handled import Handled
-from mild_ros.replay import SKELETON, TAKEN, TICK, Event
+from mild_ros.replay_events import SKELETON, TAKEN, TICK, Event
 
 FIRST = ("perception", "pipeline")
 """Stages that take skeletons: nothing that comes of one is all handled before they say so."""
@@ -64,7 +63,7 @@ class LockStep:
         """Send the next event; False when there is none."""
         self._event = next(self._events, None)
         while self._event is not None and self._event.input not in TAKEN and self._event.message is not None:
-            self._send(self._event.input, self._event.message.data)
+            self._send(self._event.name, self._event.message.data)
             self._event = next(self._events, None)
         if self._event is None:
             return False
@@ -72,7 +71,7 @@ class LockStep:
         self._since_s = self._repeated_s = time.monotonic()
         self._tick(self._event.time_ns)
         if self._event.message is not None:
-            self._send(self._event.input, self._event.message.data)
+            self._send(self._event.name, self._event.message.data)
         self.sent += 1
         return True
 
@@ -97,7 +96,7 @@ class LockStep:
         if self._event is None:
             return False
         if now_s - self._since_s > self._patience_s:
-            what = "tick of /clock" if self._event.input == TICK else f"message on {self._event.input}"
+            what = "tick of /clock" if self._event.input == TICK else f"message on {self._event.name}"
             raise SetupError(
                 "lock-step",
                 f"event {self.sent}, a {what}, was not handled within {self._patience_s:g} s",
@@ -128,7 +127,7 @@ class RealTime:
         send: Publishes bytes on an input.
         tick: Publishes `/clock` [ns].
         rate: How much faster than it was recorded.
-        decode: Reads a message, to give it the time of its sending; None leaves the stamps as they are.
+        bag: Reads messages, to give them the time of their sending; None leaves the stamps as they are.
 
     Attributes:
         period_s: How often to ask `is_due`.
@@ -143,10 +142,10 @@ class RealTime:
         send: Send,
         tick: Callable[[int], None],
         rate: float,
-        decode: Callable[[RawMessage], Any] | None,
+        bag: BagReader | None,
     ) -> None:
         self.sent = 0
-        self._events, self._send, self._tick, self._rate, self._decode = events, send, tick, rate, decode
+        self._events, self._send, self._tick, self._rate, self._bag = events, send, tick, rate, bag
         self._clock = RosClock(clock_type=ClockType.SYSTEM_TIME)
         self._anchor: tuple[int, int] | None = None
         self._newest_ns = 0
@@ -170,7 +169,7 @@ class RealTime:
             if event.message is None:
                 self._tick(event.time_ns)
             else:
-                self._send(event.input, data)
+                self._send(event.name, data)
                 self.sent += 1
 
     def is_done_after(self, _fate: Handled) -> bool:
@@ -195,9 +194,10 @@ class RealTime:
         start_ns, first_ns = self._anchor
         due_ns = start_ns + round((event.time_ns - first_ns) / self._rate)
         message = event.message
-        if message is None or self._decode is None:
+        if message is None or self._bag is None:
             return due_ns, event, b"" if message is None else message.data
         data = message.data
         with suppress(DataError):  # what cannot be read is sent as it is: the nodes are to count it
-            data = restamped(data, message.type_name, partial(self._decode, message), due_ns - event.time_ns)
+            decode, shift_ns = partial(self._bag.decode, message), due_ns - event.time_ns
+            data = restamped(data, message.type_name, decode, shift_ns, self._bag.types)
         return due_ns, event, data

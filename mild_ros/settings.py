@@ -6,10 +6,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from mild_core.perception.settings import PerceptionSettings
-from mild_core.perception.skeletons import SOURCES
 from mild_core.retargeting.settings import MIXES, RetargetingSettings
 from mild_ros.controller_settings import ControllerParameters
 from mild_ros.parameters import parameter
+from mild_ros.tracker_settings import TrackerParameters
 
 _MODEL = parameter("yumi_buetepage_ahead", "Model: a name of `mild models`, or the path of a folder.")
 _ROBOT_DESCRIPTION = parameter(
@@ -19,17 +19,10 @@ _REPORT_HANDLED = parameter(False, "Publish the fate of every input on `handled`
 
 
 @dataclass(frozen=True)
-class PerceptionParameters:
+class PerceptionParameters(TrackerParameters):
     """Of the perception node."""
 
     model: str = _MODEL
-    source: str = parameter("azure_kinect", "Tracker convention of the messages on `skeleton`.", choices=tuple(SOURCES))
-    joint_names: tuple[str, ...] = parameter(
-        (), "For a source that does not number joints: the joint at each place of its message, empty to pass over one."
-    )
-    joint_places: tuple[str, ...] = parameter(
-        (), "For a source with a topic or tf frame per joint: theirs, in the order of `joint_names`; empty for these."
-    )
     source_axes: str = parameter(
         "unknown", "For a source that may point anywhere: where its axes do.", choices=("optical", "rep103", "unknown")
     )

@@ -18,7 +18,7 @@ from mild_ros.bag_writer import create_bag
 from mild_ros.encoding import encode, type_name_of
 from mild_ros.messages.joint_state import joint_measurement_to_msg
 from mild_ros.messages.marker_array import people_to_marker_array
-from mild_ros.replay import TRUE_MOTION
+from mild_ros.replay_events import TRUE_MOTION
 from mild_ros.simulation.person import bodies, skeleton_frames, with_neutral_second
 
 START_NS = 1_600_000_000_000_000_000

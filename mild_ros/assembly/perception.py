@@ -12,16 +12,14 @@ from mild_core.inference.manifest import Manifest
 from mild_core.inference.manifest_reading import read_manifest
 from mild_core.perception.gates import places_of
 from mild_core.perception.settings import PerceptionSettings
-from mild_core.perception.skeletons import SOURCES, SkeletonSource
+from mild_core.perception.skeletons import SkeletonSource
+from mild_core.perception.skeletons.source import Axes
 from mild_core.perception.stage import Perception
 from mild_core.retargeting.urdf import rotation_from_rpy
 from mild_core.shapes import FloatArray
 from mild_ros.calibration_file import CalibrationFile
 from mild_ros.settings import PerceptionParameters
 from mild_ros.share import model_folder
-
-_NAMELESS = tuple(name for name, source in SOURCES.items() if not source.joint_ids)
-"""Sources whose joints have to be named by parameter."""
 
 
 def manifest_of(model: str) -> Manifest:
@@ -37,21 +35,14 @@ def skeleton_source(parameters: PerceptionParameters) -> SkeletonSource:
     """The tracker convention that parameters name.
 
     Raises:
-        SetupError: Joint names are missing, or given for a source that numbers its joints.
+        SetupError: As `named_source`.
     """
-    source = replace(SOURCES[parameters.source], root=parameters.frame_id)
-    given = [name for name in ("joint_names", "joint_places") if getattr(parameters, name)]
-    if not source.joint_ids:
-        return source.with_joints(parameters.joint_names, parameters.source_axes, parameters.joint_places)  # type: ignore[arg-type]
-    if given:
-        problem = f"{parameters.source} names its joints, so this cannot be given"
-        raise SetupError(f"parameter {given[0]}", problem, f"leave it out or set source to {' or '.join(_NAMELESS)}")
-    if source.axes == "unknown":
-        return replace(source, axes=parameters.source_axes)  # type: ignore[arg-type]
-    return source
+    axes: Axes = parameters.source_axes  # type: ignore[assignment] # one of its choices
+    source = parameters.named_source(axes)
+    return replace(source, root=parameters.frame_id, axes=axes if source.axes == "unknown" else source.axes)
 
 
-def _robot_from_camera(text: str) -> FloatArray | None:
+def robot_from_camera(text: str) -> FloatArray | None:
     """(4, 4) pose of the tracker's frame in the robot's base frame; None when nobody has measured it.
 
     Raises:
@@ -88,7 +79,7 @@ def make_perception(parameters: PerceptionParameters, manifest: Manifest) -> Per
         axes=parameters.axes,  # type: ignore[arg-type]
         source_axes=source.axes,
         frame_id=parameters.frame_id,
-        robot_from_source=_robot_from_camera(parameters.robot_from_camera),
+        robot_from_source=robot_from_camera(parameters.robot_from_camera),
         calibration=CalibrationFile(parameters.calibration_file).read(),
         calibration_s=parameters.calibration_s,
         max_gap_s=parameters.max_gap_s,

@@ -31,13 +31,14 @@ def demo(
     """
     from mild_ros.command_line.results import leave, run_with_progress, tell
     from mild_ros.demo import RunOptions
+    from mild_ros.settings import PipelineParameters
     from mild_ros.share import share_folder
 
     scenes = sorted(path.parent.name for path in share_folder("bags").glob("*/metadata.yaml"))
     if scene not in scenes:
         raise unknown_name("scene", scene, scenes)
     out.mkdir(parents=True, exist_ok=True)
-    options, console = RunOptions(model=model, interaction=interaction), Console()
+    options, console = RunOptions(PipelineParameters(model=model, interaction=interaction)), Console()
     title = f"{scene.replace('_', ' ').capitalize()}: a person and a simulated YuMi"
     recorded = run_with_progress(share_folder("bags") / scene, out, options, console)
     shown = leave(recorded, out, options, title, console)

@@ -12,6 +12,7 @@ import typer
 from rich.console import Console
 
 from mild_core.errors import SetupError, unknown_name
+from mild_ros.command_line.options import Config, Given, Model, Source
 
 if TYPE_CHECKING:
     from mild_ros.demo import RunOptions
@@ -28,10 +29,20 @@ def replay(
     lock_step: Annotated[
         bool, typer.Option("--lock-step", help="With nodes: as fast as each message is handled.")
     ] = False,
-    model: Annotated[str, typer.Option(metavar="NAME|FOLDER", help="The model.")] = "yumi_buetepage_ahead",
-    interaction: Annotated[str, typer.Option(help="An interaction of the model, or auto to recognise it.")] = "auto",
-    source: Annotated[str, typer.Option(help="Tracker convention of the bag.")] = "azure_kinect",
+    start: Annotated[float, typer.Option(metavar="S", min=0.0, help="Skip so many seconds of the bag.")] = 0.0,
+    rate: Annotated[
+        float, typer.Option(metavar="X", min=0.05, max=20.0, help="With --dds: so many times as fast.")
+    ] = 1.0,
+    loop: Annotated[bool, typer.Option("--loop", help="With nodes: over and over, until control-C.")] = False,
+    paused: Annotated[bool, typer.Option("--paused", help="With nodes: start them, then wait for Enter.")] = False,
+    model: Model = None,
+    interaction: Annotated[
+        str | None, typer.Option(help="An interaction of the model [default: auto, which recognises it].")
+    ] = None,
+    source: Source = None,
     topic: Annotated[str, typer.Option(help="Topic of the skeletons [default: found by its type].")] = "",
+    config: Config = "",
+    given: Given = None,
     out: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="Where the results go [default: out/replay/<bag>].")
     ] = None,
@@ -47,6 +58,18 @@ def replay(
 
         mild replay bags/handshake --dds
 
+    From the twelfth second on, at half the speed, over and over until control-C, beginning at Enter:
+
+        mild replay old.bag --dds --start 12 --rate 0.5 --loop --paused
+
+    **Another tracker or robot** is told as to the nodes, with a parameter file, with single parameters, or both:
+
+        mild replay old.bag --config pepper -p side:=left
+
+        mild replay mocap.bag --source motion_capture -p source_axes:=rep103
+        -p 'joint_names:=[right_shoulder, right_elbow, right_hand, left_shoulder, pelvis]'
+        -p 'joint_places:=[/vrpn/rs/pose, /vrpn/re/pose, /vrpn/rh/pose, /vrpn/ls/pose, /vrpn/hip/pose]'
+
     **A recorded trial**: a kinematic person makes a tracker's messages of it, the nodes answer, and what they command
     is compared with what the recorded robot did.
 
@@ -54,10 +77,19 @@ def replay(
     """
     from mild_ros.command_line.results import leave, run_with_progress, tell, tell_lost
     from mild_ros.demo import RunOptions
+    from mild_ros.parameter_files import read_parameters
+    from mild_ros.settings import PipelineParameters
 
     if (bag is None) == (not dataset):
         raise SetupError("replay", "nothing to do" if bag is None else "both a bag and a dataset", "give one of them")
-    options, console = RunOptions(model, interaction, source, "yumi", topic, lock_step, salvage), Console()
+    nodes = dds or lock_step or bool(dataset)
+    real_time = (("--rate", rate != 1.0, not lock_step), ("--loop", loop, True), ("--paused", paused, True))
+    for name, is_asked, is_possible in real_time:
+        if is_asked and not (nodes and is_possible):
+            raise SetupError(name, "needs nodes in real time: without, a bag goes as fast as it can", "add --dds")
+    named = {"model": model, "interaction": interaction, "source": source}
+    parameters = read_parameters(PipelineParameters, "pipeline", config, given or (), **named)
+    options, console = RunOptions(parameters, topic, lock_step, salvage, start, rate, loop), Console()
     folder = out or Path("out/replay") / (bag.resolve().stem if bag else f"{dataset}_{trial}")
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="mild_trial_") as scratch:
@@ -66,8 +98,8 @@ def replay(
             bag = Path(scratch, "trial")
             title += f": {_write_trial(dataset, data, trial, bag)}"
         tell_lost(bag, salvage, console)
-        if dds or lock_step or dataset:
-            recorded = run_with_progress(bag, folder, options, console)
+        if nodes:
+            recorded = run_with_progress(bag, folder, options, console, paused=paused)
         else:
             recorded = _in_process(bag, folder, options, console)
     tell(leave(recorded, folder, options, title, console), title, console)
@@ -100,15 +132,17 @@ def _in_process(bag: Path, folder: Path, options: RunOptions, console: Console) 
     from mild_ros.assembly.pipeline import make_pipeline
     from mild_ros.demo import RECORDED
     from mild_ros.replay import Inputs, replay_in_process
-    from mild_ros.settings import PipelineParameters
 
-    parameters = PipelineParameters(model=options.model, interaction=options.interaction, source=options.source)
-    inputs = Inputs(skeleton_source(parameters), find_robot(options.robot), options.skeleton_topic)
+    parameters = options.pipeline
+    robot = find_robot(parameters.robot)
+    inputs = Inputs(skeleton_source(parameters), robot, options.skeleton_topic, start_s=options.start_s)
     recorded = folder / RECORDED
     shutil.rmtree(recorded, ignore_errors=True)
     with console.status("replaying in process"):
-        pipeline = make_pipeline(parameters, load(options.model))
-        summary = replay_in_process(bag, pipeline, inputs, recorded, salvage=options.salvage)
+        pipeline = make_pipeline(parameters, load(parameters.model))
+        summary = replay_in_process(
+            bag, pipeline, inputs, recorded, rate_hz=parameters.control_rate_hz, salvage=options.salvage
+        )
     for stage, counts in summary.counts.items():
         told = ", ".join(f"{count} {reason}" for reason, count in counts.items()) or "none unreadable"
         console.print(f"{stage}: {told}", highlight=False, soft_wrap=True)

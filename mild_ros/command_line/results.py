@@ -13,13 +13,13 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from mild_core.errors import SetupError
 from mild_core.retargeting.robot_file import find_robot
 from mild_core.shapes import FloatArray
 from mild_ros.assembly.perception import make_perception, manifest_of, skeleton_source
 from mild_ros.bags import open_bag
 from mild_ros.demo import RunOptions, run_nodes
 from mild_ros.report import Report, make_report
-from mild_ros.settings import PerceptionParameters
 from mild_ros.viewing.filmstrip import draw_filmstrip
 from mild_ros.viewing.page import write_page
 from mild_ros.viewing.plots import draw_plots
@@ -42,13 +42,30 @@ class Shown:
     files: tuple[Path, ...]
 
 
-def run_with_progress(bag: Path, out: Path, options: RunOptions, console: Console) -> Path:
-    """Run the nodes on a bag behind a progress bar; returns the recorded bag."""
+def run_with_progress(bag: Path, out: Path, options: RunOptions, console: Console, *, paused: bool = False) -> Path:
+    """Run the nodes on a bag behind a progress bar, after Enter when `paused`; returns the recorded bag.
+
+    Raises:
+        SetupError: As `run_nodes`, or nobody is there to press Enter.
+    """
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True) as progress:
         task = progress.add_task("starting nodes", total=1.0)
+
+        def wait_for_enter() -> None:
+            progress.stop()
+            try:
+                console.input(f"Everything is at work. Press Enter to begin {bag.name}: ")
+            except EOFError:
+                raise SetupError("--paused", "nobody is there to press Enter", "leave it out") from None
+            progress.start()
+
         return run_nodes(
-            bag, out, options, lambda what, share: progress.update(task, description=what, completed=share)
+            bag,
+            out,
+            options,
+            lambda what, share: progress.update(task, description=what, completed=share),
+            wait_for_enter if paused else lambda: None,
         )
 
 
@@ -76,9 +93,10 @@ def leave(recorded: Path, out: Path, options: RunOptions, title: str, console: C
     Raises:
         SetupError: The bag cannot be read, or shows nobody who stands still.
     """
-    robot, parameters = find_robot(options.robot), PerceptionParameters(model=options.model, source=options.source)
-    run = read_run(recorded, skeleton_source(parameters), salvage=options.salvage)
-    report, manifest = make_report(run, robot), manifest_of(options.model)
+    parameters = options.pipeline
+    robot, source = find_robot(parameters.robot), skeleton_source(parameters)
+    run = read_run(recorded, source, salvage=options.salvage)
+    report, manifest = make_report(run, robot), manifest_of(parameters.model)
     with console.status("drawing"):
         staged = stage(run, make_perception(parameters, manifest), manifest, robot)
         draw_filmstrip(staged, robot, out / FILMSTRIP, title)

@@ -9,13 +9,15 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from mild_ros.command_line.options import Config, Given, Model, Source
+
 
 def view(
     bag: Annotated[Path, typer.Argument(metavar="BAG", help="A recorded run, or a tracker's own bag.")],
-    model: Annotated[
-        str, typer.Option(metavar="NAME|FOLDER", help="Says where the person stands before the robot.")
-    ] = "yumi_buetepage_ahead",
-    source: Annotated[str, typer.Option(help="Tracker convention of its skeletons.")] = "azure_kinect",
+    model: Model = None,
+    source: Source = None,
+    config: Config = "",
+    given: Given = None,
     out: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="Where the files go [default: out/view/<bag>].")
     ] = None,
@@ -26,14 +28,18 @@ def view(
 
         mild view out/demo/recorded --open
 
-    The page is one HTML file with a play bar. It needs no network and no server.
+    The page is one HTML file with a play bar. It needs no network and no server. Skeletons that are read with
+    parameters, or a robot other than YuMi, are told as to `mild replay`: `--config pepper`, `-p frame_id:=world`.
     """
     from mild_ros.command_line.results import PAGE, leave, tell, tell_lost
     from mild_ros.demo import RunOptions
+    from mild_ros.parameter_files import read_parameters
+    from mild_ros.settings import PipelineParameters
 
     folder = out or Path("out/view") / bag.resolve().stem
     folder.mkdir(parents=True, exist_ok=True)
-    options, console = RunOptions(model=model, source=source, salvage=salvage), Console()
+    parameters = read_parameters(PipelineParameters, "pipeline", config, given or (), model=model, source=source)
+    options, console = RunOptions(parameters, salvage=salvage), Console()
     tell_lost(bag, salvage, console)
     tell(leave(bag, folder, options, bag.resolve().name, console), str(bag), console)
     if browser:

@@ -14,13 +14,13 @@ from mild_core.errors import BagError, DataError
 from mild_core.perception.skeletons import SkeletonSource
 from mild_core.shapes import FloatArray
 from mild_core.signals import JointMeasurement, MotionWindow, SkeletonFrame
-from mild_ros.bags import BagReader, RawMessage, open_bag, topic_of_type
+from mild_ros.bag_people import people_in_bag
+from mild_ros.bags import BagReader, RawMessage, open_bag
 from mild_ros.messages.handled import Handled, handled_from_msg
 from mild_ros.messages.joint_state import joint_command_from_msg, joint_measurement_from_msg
 from mild_ros.messages.motion import motion_from_msgs
-from mild_ros.messages.skeletons import ADAPTERS, people_from_msg
 from mild_ros.pairing import StampPairs
-from mild_ros.replay import TRUE_MOTION
+from mild_ros.replay_events import TRUE_MOTION
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,11 +100,10 @@ def read_run(path: Path, source: SkeletonSource, *, salvage: bool = False) -> Re
         BagError: It cannot be read or shows nobody.
     """
     with open_bag(path, salvage=salvage) as bag:
-        skeletons = topic_of_type(bag, ADAPTERS[source.message].type_name, "skeleton")
-        tracked = [(raw.time_ns, people_from_msg(m, source, raw.time_ns)) for raw, m in _all(bag, skeletons)]
+        tracked = list(people_in_bag(bag, source))
         people = tuple(found[0] for _, found in tracked if found)
         if not people:
-            raise BagError(str(path), f"shows nobody on {skeletons}", "choose a bag with a person in it")
+            raise BagError(str(path), f"shows nobody to {source.name}", "choose a bag with a person in it")
         first_ns, last_ns = _ends(bag)
         return RecordedRun(
             path=path,

@@ -18,6 +18,7 @@ DISTRIBUTIONS = {
     "ament_index_python": "ros-ament-index-python",
     "pink": "pin-pink",
     "pinocchio": "pin",
+    "yaml": "pyyaml",
     "launch": "ros-launch",
     "launch_ros": "ros-launch-ros",
     "rclpy": "ros-rclpy",

@@ -9,24 +9,39 @@ from pathlib import Path
 import pytest
 import yaml
 
+from mild_core.retargeting.robot_file import find_robot
+from mild_ros.assembly.perception import manifest_of
+from mild_ros.assembly.retargeting import make_retargeting
 from mild_ros.bag_settings import RecordParameters, ReplayParameters
+from mild_ros.controllers import OUTPUTS
 from mild_ros.joint_naming import joint_naming
-from mild_ros.parameters import from_values
-from mild_ros.settings import NODES
+from mild_ros.parameter_files import read_parameters
+from mild_ros.settings import NODES, PipelineParameters
+from mild_ros.share import model_names
 from test.habits.tree import ROOT
 
 CONFIGURATIONS = sorted((ROOT / "mild_ros/config").glob("*.yaml"))
 LAUNCH_FILES = sorted((ROOT / "mild_ros/launch").glob("*.launch.py"))
+CONFIGURATIONS_TO_LEARN = {path.stem for path in (ROOT / "mild_core/learning/configurations").glob("*.toml")}
 PARAMETERS = {**NODES, "replay": ReplayParameters, "record": RecordParameters}
 
 
 @pytest.mark.parametrize("path", CONFIGURATIONS, ids=lambda path: path.stem)
 def test_every_configuration_is_accepted(path: Path) -> None:
-    for name, content in yaml.safe_load(path.read_text()).items():
-        assert name.startswith("/**/"), "fits any namespace"
-        given = from_values(NODES[name.removeprefix("/**/")], content["ros__parameters"])
-        names = getattr(given, "robot_joint_names", ())
-        assert not names or joint_naming(tuple("abcdefg"[: len(names)]), names)
+    names = list(yaml.safe_load(path.read_text()))
+    assert all(name.startswith("/**/") for name in names), "fits any namespace"
+    for name in names:
+        node = name.removeprefix("/**/")
+        given = read_parameters(NODES[node], node, path.stem)
+        assert find_robot(given.robot).name == given.robot
+    given = read_parameters(PipelineParameters, "pipeline", path.stem)
+    assert set(given.outputs) <= OUTPUTS.keys()
+    joint_naming(find_robot(given.robot).joint_names, given.robot_joint_names)
+    if given.model in model_names():
+        robot = make_retargeting(given, manifest_of(given.model)).robot
+        assert robot.name == given.robot, "the model moves this robot"
+    else:
+        assert given.model in CONFIGURATIONS_TO_LEARN, "there is no such model, and no way to get it"
 
 
 @pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.stem)
@@ -44,4 +59,4 @@ def test_a_launch_file_names_what_there_is(path: Path) -> None:
 
 
 def test_the_default_configuration_is_there() -> None:
-    assert {path.stem for path in CONFIGURATIONS} >= {"yumi", "yumi_abb"}
+    assert {path.stem for path in CONFIGURATIONS} >= {"yumi", "yumi_abb", "pepper", "pepper_naoqi"}

@@ -7,7 +7,7 @@ import hashlib
 import itertools
 from collections.abc import Iterator
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -26,14 +26,18 @@ from mild_core.retargeting.robots.yumi import YUMI
 from mild_core.signals import ARM_JOINTS
 from mild_ros.assembly.inference import load
 from mild_ros.assembly.pipeline import make_pipeline
+from mild_ros.bag_settings import ReplayParameters
 from mild_ros.bag_writer import create_bag
 from mild_ros.bags import open_bag
-from mild_ros.encoding import encode
-from mild_ros.replay import TICK, Inputs, ReplaySummary, fold, replay_in_process, with_ticks
-from mild_ros.scenes import SCENES, write_scene
-from mild_ros.settings import PipelineParameters
+from mild_ros.encoding import encode, type_name_of
+from mild_ros.replay import Inputs, ReplaySummary, fold, replay_in_process
+from mild_ros.replay_events import TICK, with_ticks
+from mild_ros.scenes import SCENES, arm_track, write_scene
+from mild_ros.settings import NODES, PipelineParameters
+from mild_ros.simulation.person import bodies, skeleton_frames
 from test.replay.made_model import save_random_model
 from test.replay.processes import node, wait_until
+from test.ros.driver_messages import DRIVERS
 
 INTERACTION = "hand_shake"
 """Told, not recognised: a model with random weights recognises nothing."""
@@ -166,16 +170,26 @@ def partner(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_a_partners_arm_reaches_pepper_through_three_nodes(
-    scene: Path, partner: Path, listener: Listener, tmp_path: Path
+def test_motion_capture_and_a_partners_arm_reach_pepper_through_three_nodes(
+    partner: Path, listener: Listener, tmp_path: Path
 ) -> None:
-    parameters = PipelineParameters(model=str(partner), interaction=INTERACTION, robot="pepper")
-    pipeline, inputs = make_pipeline(parameters, load(str(partner))), replace(INPUTS, robot=PEPPER, joint_states="home")
-    summary = replay_in_process(scene, pipeline, inputs, tmp_path / "out")
-    assert summary.counts["retargeting"]["accepted"] > 50
+    """A tracker with a topic for each joint at one end, a model of two people at the other."""
+    driver = DRIVERS["motion_capture"]
+    places = {name: place for name, (place,) in driver.source.places.items()}
+    tracker = {"source": "motion_capture", "joint_names": tuple(places), "joint_places": tuple(places.values())}
+    handshake = next(scene for scene in SCENES if scene.name == "handshake")
+    with create_bag(tmp_path / "bag") as bag:
+        for frame in skeleton_frames(bodies(arm_track(handshake, 20.0)[:100]), 20.0, 10**18):
+            for topic, message in driver.messages(frame):
+                bag.write(topic, type_name_of(message), frame.stamp_ns, encode(message))
+    given = {**tracker, "model": str(partner), "robot": "pepper", "source_axes": "rep103"}
+    pipeline = make_pipeline(PipelineParameters(**given, interaction=INTERACTION), load(str(partner)))
+    inputs = Inputs(driver.source, PEPPER, joint_states="home")
+    summary = replay_in_process(tmp_path / "bag", pipeline, inputs, tmp_path / "out")
+    assert summary.counts["retargeting"]["accepted"] > 20
     expected = command_bytes(tmp_path / "out")
-    shared: dict[str, object] = {"model": partner, "robot": "pepper"}
-    same_bits(through_nodes(STAGES["three nodes"], scene, listener, len(expected), shared), expected)
+    listed = {name: f"[{', '.join(value)}]" if isinstance(value, tuple) else value for name, value in given.items()}
+    same_bits(through_nodes(STAGES["three nodes"], tmp_path / "bag", listener, len(expected), listed), expected)
 
 
 @pytest.mark.slow
@@ -195,13 +209,14 @@ def through_nodes(
     executor.add_node(listener)
     with ExitStack() as stack:
         for name in nodes:
-            parameters = {"report_handled": True, "use_sim_time": True, "model": shared["model"]}
-            parameters |= {"interaction": INTERACTION} if name in ("pipeline", "inference") else {}
-            parameters |= shared if name in ("pipeline", "retargeting") else {}
-            stack.enter_context(node(name, parameters))
+            known = {entry.name for entry in fields(NODES[name])}
+            told = {name: value for name, value in (shared | {"interaction": INTERACTION}).items() if name in known}
+            stack.enter_context(node(name, {"report_handled": True, "use_sim_time": True} | told))
         wait_until(lambda: listener.count_publishers("joint_command") > 0, "publisher of joint_command")
         replaying = {"bag": scene, "mode": "lock_step", "reporters": len(nodes)}
-        replaying |= {"robot": shared["robot"], "joint_states": "home"} if "robot" in shared else {}
+        known = {entry.name for entry in fields(ReplayParameters)}
+        replaying |= {name: value for name, value in shared.items() if name in known}
+        replaying |= {"joint_states": "home"} if "robot" in shared else {}
         replay = stack.enter_context(node("replay", replaying))
 
         def complete() -> bool:

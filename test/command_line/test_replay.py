@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How `mild replay` is told what to do: parameters as the nodes take them, and flags only where they can work."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from mild_core.errors import SetupError
+from mild_ros.command_line.main import main
+from mild_ros.parameter_files import changed, read_parameters
+from mild_ros.settings import PipelineParameters
+
+OF_TWO_NODES = """
+/**:
+  ros__parameters: {robot: pepper, side: left}
+/left/pipeline:
+  ros__parameters:
+    side: right
+    joint_names: [right_hand, ""]
+/**/simulation:
+  ros__parameters: {gui: true}
+"""
+
+
+def test_what_is_named_counts_more_than_what_is_given_and_that_more_than_the_file(tmp_path: Path) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text(OF_TWO_NODES)
+    given = ["max_gap_s:=0.2", "model:=a", "frame_id:='y'"]
+    for name in (str(file), str(file.with_suffix(""))):
+        read = read_parameters(PipelineParameters, "pipeline", name, given, model="b", source=None)
+        assert changed(read) == {
+            **{"robot": "pepper", "joint_names": ("right_hand", ""), "max_gap_s": 0.2, "model": "b", "frame_id": "y"},
+        }, "those of all nodes first, then those of this one; none of another one"
+
+
+@pytest.mark.parametrize(
+    ("config", "given", "words"),
+    [
+        ("yumy", [], "config: 'yumy' is unknown; did you mean 'yumi'?"),
+        ("", ["side=left"], "-p side=left: has no :="),
+        ("", ["sid:=left"], "parameter: 'sid' is unknown; did you mean 'side'?"),
+        ("", ["side:=[left"], "is no YAML"),
+        ("", ["max_gap_s:=9.0"], "parameter max_gap_s: is 9 s; give a value in 0.01 … 2 s"),
+        ("other", [], "has no parameters of pipeline"),
+        ("flat", [], "pipeline has no ros__parameters"),
+    ],
+)
+def test_what_is_wrong_is_one_line(
+    config: str, given: list[str], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "other.yaml").write_text("/**/simulation: {ros__parameters: {gui: true}}")
+    (tmp_path / "flat.yaml").write_text("pipeline: {side: left}")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SetupError) as refused:
+        read_parameters(PipelineParameters, "pipeline", config, given)
+    assert words in str(refused.value)
+
+
+@pytest.mark.parametrize("words", [["--rate", "2"], ["--loop"], ["--paused"], ["--rate", "2", "--lock-step"]])
+def test_what_needs_real_time_is_refused_without(
+    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(["replay", str(tmp_path / "bag"), "--out", str(tmp_path / "out"), *words])
+    assert capsys.readouterr().err.startswith(f"mild: {words[0]}: needs nodes in real time")
