@@ -14,9 +14,8 @@ from safetensors.numpy import load_file
 
 from mild_core.inference.model import WEIGHTS, load_model
 from mild_core.learning.configuration import Configuration
-from mild_core.learning.vae import DENSE_ARRAYS, GRU_ARRAYS, MemberNetworks
+from mild_core.learning.vae import DENSE_ARRAYS, GRU_ARRAYS, RUNNING, MemberNetworks
 
-NETWORKS = ("context", "encoder", "residual", "decoder")
 FIRST_MEMBER = "member_0."
 
 
@@ -59,7 +58,7 @@ def carry_over(networks: MemberNetworks, arrays: Mapping[str, NDArray[Any]]) -> 
     from those of the first.
     """
     taken = []
-    for network in NETWORKS:
+    for network in RUNNING:
         chain = getattr(networks, network)
         if chain is None:
             continue

@@ -24,7 +24,7 @@ from mild_core.learning.corpus import corpus_of
 from mild_core.learning.demonstration import Demonstration
 from mild_core.learning.novelty import Territory, bone_lengths_m, latent_radius, territory_of
 from mild_core.learning.trained import TrainedMember, TrainedModel
-from mild_core.learning.vae import Chain
+from mild_core.learning.vae import RUNNING, Chain
 from mild_core.shapes import FloatArray
 
 Arrays = dict[str, NDArray[Any]]
@@ -133,7 +133,7 @@ def _member(member: TrainedMember, territory: Territory) -> tuple[dict[str, Netw
     sizes = {"window": len(member.question.mean), "label": len(member.prior.priors), "context": architecture.memory}
     specs: dict[str, NetworkSpec] = {}
     arrays: Arrays = {}
-    for name in ("context", "encoder", "residual", "decoder"):
+    for name in RUNNING:
         chain: Chain | None = getattr(networks, name)
         if chain is None:
             continue

@@ -125,10 +125,13 @@ class LatentPrior:
     means: Tensor
     components: tuple[FloatArray, FloatArray]
 
-    def conditioned(self, posterior: Posterior, label: Tensor) -> Tensor:
-        """(B, N, C) the robot's latent expected at each of N successive steps of B trials, by the online filter.
+    def explain(self, posterior: Posterior, label: Tensor) -> tuple[Tensor, Tensor]:
+        """How far the filter believes in each component and what that one expects, at each of N steps of B trials.
 
         Gradients reach the encoder through its mean alone; belief, gains and prior are taken as they are.
+
+        Returns:
+            The belief (B, N, K) and the robot's latent expected under each component (B, N, K, C).
         """
         size = posterior.mean.shape[-1]
         observed = posterior.mean.detach().double().numpy()
@@ -137,15 +140,13 @@ class LatentPrior:
         gains = np.empty((*log_emissions.shape, self.means.shape[-1] - size, size))
         explain_windows(self.components, label.numpy(), observed, widening, log_emissions, gains)
         chosen = [self.priors[c] for c in label.tolist()]
-        filtered = [
-            run_filter(p.chain, rows, restart=p.restart).weights for p, rows in zip(chosen, log_emissions, strict=True)
-        ]
-        weights = np.stack(filtered)
-        weighted = torch.from_numpy((weights[..., None, None] * gains).astype(np.float32))
+        belief = np.stack(
+            [run_filter(p.chain, row, restart=p.restart).weights for p, row in zip(chosen, log_emissions, strict=True)]
+        )
         means = self.means[label][:, None]
-        mixed = (torch.from_numpy(weights.astype(np.float32))[..., None] * means[..., size:]).sum(2)
-        offset = mixed - (weighted @ means[..., :size, None])[..., 0].sum(2)
-        return offset + (weighted.sum(2) @ posterior.mean[..., None])[..., 0]
+        surprise = posterior.mean[..., None, :] - means[..., :size]
+        expected = means[..., size:] + (torch.from_numpy(gains.astype(np.float32)) @ surprise[..., None])[..., 0]
+        return torch.from_numpy(belief.astype(np.float32)), expected
 
 
 def latent_prior(priors: Mapping[str, Prior], widening: tuple[Tensor, Tensor], steps: int) -> LatentPrior:

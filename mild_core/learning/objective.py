@@ -94,7 +94,9 @@ class Objective:
         prediction = zero
         if weights.prediction > 0.0:
             # Before there is a prior the human's latent stands in for the robot's, to set the encoder going.
-            conditioned = human.mean if prior is None else prior.conditioned(human, batch.label)
+            conditioned = human.mean
+            if prior is not None:
+                conditioned = networks.condition(known, *prior.explain(human, batch.label))
             predicted = networks.answer(known, networks.correct(known, conditioned))
             prediction = self._reconstruction(predicted[None], wanted, self.answer, batch)
         return Terms(prediction, observed, controlled, divergence)

@@ -45,7 +45,7 @@ class TrainedMember:
             known_label = torch.nn.functional.one_hot(label, labels).float()[:, None]
             window = self.question.project(questions)
             known = self.networks.sources(window, known_label.expand(-1, window.shape[1], -1))
-            conditioned = self.prior.conditioned(self.networks.observe(known), label)
+            conditioned = self.networks.condition(known, *self.prior.explain(self.networks.observe(known), label))
             return self.answer.restore(self.networks.answer(known, self.networks.correct(known, conditioned)))
 
 

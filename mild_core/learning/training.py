@@ -141,7 +141,9 @@ def _train_member(
     question, answer = window_coordinates(corpus, settings)
     labels = len(corpus.interactions)
     with drawing_from(seed, member):
-        networks = MemberNetworks(settings.architecture, question.size, answer.size, labels, settings.dropout)
+        networks = MemberNetworks(
+            settings.architecture, question.size, answer.size, labels, settings.prior.components, settings.dropout
+        )
     carry_over(networks, start)
     objective = Objective(settings, question, answer, labels)
     optimiser = torch.optim.AdamW(networks.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay)

@@ -20,6 +20,13 @@ LEAST_DEVIATION = 1e-4
 """Added to the diagonal of L, so that a posterior never becomes a point."""
 
 
+LEAST_BELIEF = 1e-12
+"""Added to a belief before its logarithm is taken, as `inference.mixing.gate_weights` does."""
+
+RUNNING = ("context", "encoder", "gate", "residual", "decoder")
+"""The networks that run on the robot, in order; a model may do without some."""
+
+
 @dataclass(frozen=True, eq=False)
 class Posterior:
     """q(z | x) = N(mean, factor factor^T).
@@ -139,27 +146,29 @@ def memory(inputs: int, hidden: int, size: int, dropout: float) -> Chain:
 class MemberNetworks(nn.Module):
     """The networks of one member. Windows come and go in coordinates (see `coordinates`).
 
-    `context`, `encoder`, `residual` and `decoder` run on the robot; `counterpart_encoder` (of the robot's window) and
-    `counterpart_decoder` (of the human's) make the two VAEs whole and are needed for training alone.
+    Those of `RUNNING` run on the robot; `counterpart_encoder` (of the robot's window) and `counterpart_decoder` (of the
+    human's) make the two VAEs whole and are needed for training alone.
     """
 
-    def __init__(self, architecture: Architecture, question: int, answer: int, labels: int, dropout: float) -> None:
+    def __init__(
+        self, architecture: Architecture, question: int, answer: int, labels: int, components: int, dropout: float
+    ) -> None:
         super().__init__()
         self.architecture = architecture
         self.dropout = dropout
         latent = architecture.latent
         outputs = latent + latent * (latent + 1) // 2
         sizes = {"window": question, "label": labels, "context": architecture.memory, "controlled": latent}
-        width = {
-            name: sum(sizes[source] for source in getattr(architecture, name))
-            for name in ("context", "encoder", "residual", "decoder")
-        }
+        width = {name: sum(sizes[source] for source in getattr(architecture, name)) for name in RUNNING}
         self.context = (
             memory(width["context"], architecture.context_hidden, architecture.memory, dropout)
             if architecture.context
             else None
         )
         self.encoder = perceptron(width["encoder"], architecture.encoder_hidden, outputs, dropout)
+        self.gate = (
+            perceptron(width["gate"], architecture.gate_hidden, components, dropout) if architecture.gate else None
+        )
         self.residual = (
             perceptron(width["residual"], architecture.residual_hidden, latent, dropout)
             if architecture.residual
@@ -189,6 +198,13 @@ class MemberNetworks(nn.Module):
     def counterpart(self, window: Tensor) -> Posterior:
         """Posterior of the robot's latent, from its own window."""
         return posterior_of(self.counterpart_encoder(window), self.architecture.latent)
+
+    def condition(self, known: Mapping[str, Tensor], belief: Tensor, expected: Tensor) -> Tensor:
+        """(..., C) what the components expect (..., K, C), weighed by the belief (..., K) after the gate."""
+        if self.gate is not None:
+            logits: Tensor = self.gate(gather(known, self.architecture.gate))
+            belief = torch.softmax(torch.log(belief + LEAST_BELIEF) + logits, dim=-1)
+        return (belief[..., None] * expected).sum(-2)
 
     def correct(self, known: Mapping[str, Tensor], conditioned: Tensor) -> Tensor:
         """The conditioned latent, and what memory adds to it."""

@@ -23,6 +23,7 @@ SKIPPING = replace(
         SMALL.architecture,
         context=("window",),
         encoder=("context", "window"),
+        gate=("context", "label"),
         residual=("context", "window", "label"),
     ),
     members=2,

@@ -49,19 +49,20 @@ def test_samples_have_the_posteriors_moments():
 
 def test_conditioning_equals_the_run_time_filter():
     posterior, label = made_posterior(3), torch.tensor([1, 0, 1])
-    found = LATENT.conditioned(posterior, label).numpy()
+    belief, conditioned = LATENT.explain(posterior, label)
     for row, prior in enumerate((PRIORS["b"], PRIORS["a"], PRIORS["b"])):
         mean, covariance = posterior.mean[row].double().numpy(), posterior.covariance[row].double().numpy()
         filtered = prior.filter(mean, covariance)
-        expected = (filtered.weights[..., None] * filtered.conditioned_means).sum(axis=1)
-        # The mixture is formed in single precision here.
-        np.testing.assert_allclose(found[row], expected, rtol=1e-4, atol=1e-4)
+        # Single precision here.
+        np.testing.assert_allclose(belief[row], filtered.weights, rtol=1e-5, atol=1e-6)
+        np.testing.assert_allclose(conditioned[row], filtered.conditioned_means, rtol=1e-4, atol=1e-4)
 
 
 def test_gradients_of_the_conditional_are_the_mixed_gains():
     posterior, label = made_posterior(1), torch.tensor([0])
     mean = posterior.mean.clone().requires_grad_()
-    LATENT.conditioned(Posterior(mean, posterior.factor), label)[0, 5, 1].backward()
+    belief, conditioned = LATENT.explain(Posterior(mean, posterior.factor), label)
+    (belief[0, 5] * conditioned[0, 5, :, 1]).sum().backward()
     prior = PRIORS["a"]
     weights = prior.filter(posterior.mean[0].double().numpy(), posterior.covariance[0].double().numpy()).weights[5]
     covariance, widening = prior.components.covariance, posterior.covariance[0, 5].double().numpy()
