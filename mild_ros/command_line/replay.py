@@ -5,48 +5,38 @@ from __future__ import annotations
 
 import shutil
 import tempfile
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
 from rich.console import Console
 
-from mild_core.errors import SetupError, unknown_name
-from mild_ros.command_line.options import Config, Given, Model, Source
+from mild_core.errors import SetupError
+from mild_ros.command_line import options
 
 if TYPE_CHECKING:
     from mild_ros.demo import RunOptions
 
 
 def replay(
-    bag: Annotated[Path | None, typer.Argument(metavar="[BAG]", help="Any rosbag2 with a tracker's messages.")] = None,
-    dataset: Annotated[str, typer.Option(help="A dataset instead of a bag.")] = "",
-    trial: Annotated[int, typer.Option(min=0, help="With --dataset: which of its training trials.")] = 0,
-    data: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="The dataset's file [default: $MILD_DATA/<its name>].")
-    ] = None,
-    dds: Annotated[bool, typer.Option("--dds", help="Run the real nodes and the simulation.")] = False,
-    lock_step: Annotated[
-        bool, typer.Option("--lock-step", help="With nodes: as fast as each message is handled.")
-    ] = False,
-    start: Annotated[float, typer.Option(metavar="S", min=0.0, help="Skip so many seconds of the bag.")] = 0.0,
-    rate: Annotated[
-        float, typer.Option(metavar="X", min=0.05, max=20.0, help="With --dds: so many times as fast.")
-    ] = 1.0,
-    loop: Annotated[bool, typer.Option("--loop", help="With nodes: over and over, until control-C.")] = False,
-    paused: Annotated[bool, typer.Option("--paused", help="With nodes: start them, then wait for Enter.")] = False,
-    model: Model = None,
-    interaction: Annotated[
-        str | None, typer.Option(help="An interaction of the model [default: auto, which recognises it].")
-    ] = None,
-    source: Source = None,
-    topic: Annotated[str, typer.Option(help="Topic of the skeletons [default: found by its type].")] = "",
-    config: Config = "",
-    given: Given = None,
-    out: Annotated[
-        Path | None, typer.Option(metavar="FOLDER", help="Where the results go [default: out/replay/<bag>].")
-    ] = None,
-    salvage: Annotated[bool, typer.Option("--salvage", help="Read what is readable of a broken bag.")] = False,
+    bag: options.Bag = None,
+    dataset: options.Dataset = "",
+    trial: options.Trial = 0,
+    data: options.Data = None,
+    dds: options.Dds = False,
+    lock_step: options.LockStep = False,
+    start: options.Start = 0.0,
+    rate: options.Rate = 1.0,
+    loop: options.Loop = False,
+    paused: options.Paused = False,
+    model: options.Model = None,
+    interaction: options.Interaction = None,
+    source: options.Source = None,
+    topic: options.Topic = "",
+    config: options.Config = "",
+    given: options.Given = None,
+    out: options.Out = None,
+    salvage: options.Salvage = False,
 ) -> None:
     """A bag, or a trial of a dataset, through the real nodes.
 
@@ -83,48 +73,45 @@ def replay(
     if (bag is None) == (not dataset):
         raise SetupError("replay", "nothing to do" if bag is None else "both a bag and a dataset", "give one of them")
     nodes = dds or lock_step or bool(dataset)
-    real_time = (("--rate", rate != 1.0, not lock_step), ("--loop", loop, True), ("--paused", paused, True))
-    for name, is_asked, is_possible in real_time:
-        if is_asked and not (nodes and is_possible):
-            raise SetupError(name, "needs nodes in real time: without, a bag goes as fast as it can", "add --dds")
+    _check_possible(rate=rate != 1.0 and (lock_step or not nodes), loop=loop and not nodes, paused=paused and not nodes)
     named = {"model": model, "interaction": interaction, "source": source}
     parameters = read_parameters(PipelineParameters, "pipeline", config, given or (), **named)
-    options, console = RunOptions(parameters, topic, lock_step, salvage, start, rate, loop), Console()
+    asked, console = RunOptions(parameters, topic, lock_step, salvage, start, rate, loop), Console()
     folder = out or Path("out/replay") / (bag.resolve().stem if bag else f"{dataset}_{trial}")
-    folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="mild_trial_") as scratch:
-        title = bag.resolve().name if bag else f"{dataset}, trial {trial}"
-        if bag is None:
-            bag = Path(scratch, "trial")
-            title += f": {_write_trial(dataset, data, trial, bag)}"
+        title = bag.resolve().name if bag else _write_trial(dataset, data, trial, Path(scratch, "trial"))
+        bag = bag or Path(scratch, "trial")
         tell_lost(bag, salvage, console)
-        if nodes:
-            recorded = run_with_progress(bag, folder, options, console, paused=paused)
-        else:
-            recorded = _in_process(bag, folder, options, console)
-    tell(leave(recorded, folder, options, title, console), title, console)
+        by_nodes = partial(run_with_progress, paused=paused)
+        recorded = (by_nodes if nodes else _in_process)(bag, folder, asked, console)
+    tell(leave(recorded, folder, asked, title, console), title, console)
+
+
+def _check_possible(**refused: bool) -> None:
+    """Raise a SetupError for the first option that was asked for and cannot work."""
+    for name, is_refused in refused.items():
+        if is_refused:
+            raise SetupError(f"--{name}", "needs nodes in real time: without, all goes as fast as it can", "add --dds")
 
 
 def _write_trial(dataset: str, data: Path | None, trial: int, folder: Path) -> str:
-    """Write the bag of a trial; returns its interaction."""
-    from mild_core.learning.datasets import DATASETS
-    from mild_core.retargeting.robots import ROBOTS
+    """Write the bag of a trial; returns what to call it."""
+    from mild_core.learning.datasets import recording_named
+    from mild_core.retargeting.robot_file import find_robot
     from mild_ros.trial_bag import write_trial
 
-    if dataset not in DATASETS:
-        raise unknown_name("dataset", dataset, DATASETS)
-    recording = DATASETS[dataset]
+    recording = recording_named(dataset, data)
     trials = recording.read(data or recording.default_path()).train
     if trial >= len(trials):
         raise SetupError(
             f"trial {trial}", f"{dataset} has {len(trials)} training trials", f"give at most {len(trials) - 1}"
         )
     found = trials[trial]
-    write_trial(folder, found.observed_m, ROBOTS[recording.robot], found.controlled, found.rate_hz)
-    return found.interaction.replace("_", " ")
+    write_trial(folder, found.observed_m, find_robot(recording.robot), found.controlled, found.rate_hz)
+    return f"{dataset}, trial {trial}: {found.interaction.replace('_', ' ')}"
 
 
-def _in_process(bag: Path, folder: Path, options: RunOptions, console: Console) -> Path:
+def _in_process(bag: Path, folder: Path, asked: RunOptions, console: Console) -> Path:
     """Replay without DDS; returns the bag that it writes."""
     from mild_core.retargeting.robot_file import find_robot
     from mild_ros.assembly.inference import load
@@ -133,15 +120,16 @@ def _in_process(bag: Path, folder: Path, options: RunOptions, console: Console) 
     from mild_ros.demo import RECORDED
     from mild_ros.replay import Inputs, replay_in_process
 
-    parameters = options.pipeline
+    parameters = asked.pipeline
     robot = find_robot(parameters.robot)
-    inputs = Inputs(skeleton_source(parameters), robot, options.skeleton_topic, start_s=options.start_s)
+    inputs = Inputs(skeleton_source(parameters), robot, asked.skeleton_topic, start_s=asked.start_s)
+    folder.mkdir(parents=True, exist_ok=True)
     recorded = folder / RECORDED
     shutil.rmtree(recorded, ignore_errors=True)
     with console.status("replaying in process"):
         pipeline = make_pipeline(parameters, load(parameters.model))
         summary = replay_in_process(
-            bag, pipeline, inputs, recorded, rate_hz=parameters.control_rate_hz, salvage=options.salvage
+            bag, pipeline, inputs, recorded, rate_hz=parameters.control_rate_hz, salvage=asked.salvage
         )
     for stage, counts in summary.counts.items():
         told = ", ".join(f"{count} {reason}" for reason, count in counts.items()) or "none unreadable"

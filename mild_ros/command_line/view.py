@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from mild_ros.command_line.options import Config, Given, Model, Source
+from mild_ros.command_line.options import Config, Given, Model, Salvage, Source
 
 
 def view(
@@ -21,7 +21,7 @@ def view(
     out: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="Where the files go [default: out/view/<bag>].")
     ] = None,
-    salvage: Annotated[bool, typer.Option("--salvage", help="Show what is readable of a broken bag.")] = False,
+    salvage: Salvage = False,
     browser: Annotated[bool, typer.Option("--open", help="Open the page in a browser.")] = False,
 ) -> None:
     """A recorded run in a 3-D page, as a filmstrip and as plots.
