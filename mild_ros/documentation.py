@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,6 +18,7 @@ from mild_core.errors import SetupError, unknown_name
 from mild_core.perception.skeletons import SOURCES, SkeletonSource
 from mild_ros.bag_settings import RecordParameters, ReplayParameters
 from mild_ros.command_line.main import COMMANDS
+from mild_ros.demonstrations.settings import CutParameters
 from mild_ros.messages.skeletons import ADAPTERS
 from mild_ros.parameters import table_markdown
 from mild_ros.settings import NODES
@@ -172,6 +174,7 @@ SECTIONS: dict[str, Callable[[], str]] = {
     "parameters": parameters_markdown,
     "commands": commands_markdown,
     "sources": sources_markdown,
+    "cut": partial(table_markdown, CutParameters),
 }
 """What may stand between the marks, by name."""
 

@@ -20,6 +20,7 @@ COMMANDS = {
     "view": "A recorded run in a 3-D page.",
     "models": "The models here: what they learned from, how good they are.",
     "doctor": "Checks this machine's Python, ROS 2 and network and says what to do.",
+    "demonstrations": "Cuts recorded bags into labelled trials to learn from.",
     "train": "Learns a model from demonstrations.",
     "evaluate": "A model's error per interaction, or a cross-validation beside the baselines.",
     "plot": "The figures and tables of a paper, from a model and its recording or from measured errors.",

@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a bag holds of a demonstration: people, joints and labels in order of receipt, then on one clock.
+
+A tracker stamps with its own clock, a robot with another, and the recorder notes when each message came. Stamps are
+more even than receipts, so they are kept where they can be: as they are when they are of the recorder's clock, moved by
+the typical delay when their clock is another one, and not at all when they jump about.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from mild_core.errors import BagError, DataError
+from mild_core.signals import JointMeasurement
+from mild_ros.assembly.perception import skeleton_source
+from mild_ros.bag_people import skeleton_feeds
+from mild_ros.bags import BagReader
+from mild_ros.demonstrations.labels import LABEL_TYPE, TOPIC
+from mild_ros.demonstrations.settings import SAME, DemonstrationSettings, PersonParameters
+from mild_ros.messages.joint_by_joint import People
+from mild_ros.messages.stamps import ns_from_msg
+from mild_ros.replay import JOINT_STATE_TYPE
+
+EARLIEST_S, LATEST_S = -0.1, 1.0
+"""How long after their stamps messages come, typically, if both clocks are the same."""
+
+UNSTEADY_S = 0.5
+"""Delays that differ by more are none: those stamps are no times of measuring."""
+
+
+@dataclass(frozen=True, eq=False)
+class Streams:
+    """A bag's messages, each with the time of its receipt [ns].
+
+    Attributes:
+        person: Everyone whom the person's tracker saw.
+        partner: The same of the partner's tracker; that of the person where both are in its messages.
+        joints: Where the robot said it was.
+        labels: What was said to go on.
+        unreadable: Messages that cannot be read, by reason.
+    """
+
+    person: list[tuple[int, People]] = field(default_factory=list)
+    partner: list[tuple[int, People]] = field(default_factory=list)
+    joints: list[tuple[int, JointMeasurement]] = field(default_factory=list)
+    labels: list[tuple[int, str]] = field(default_factory=list)
+    unreadable: Counter[str] = field(default_factory=Counter)
+
+
+Reader = Callable[[Any, int], None]
+"""Takes a message and the time when it came [ns]."""
+
+
+def readers(bag: BagReader, settings: DemonstrationSettings, streams: Streams) -> dict[str, list[Reader]]:
+    """Who reads the messages of which topics into `streams`.
+
+    Raises:
+        BagError: The bag lacks a topic.
+        SetupError: A tracker's joints are not named.
+    """
+    found: dict[str, list[Reader]] = {}
+
+    def watch(parameters: PersonParameters, into: list[tuple[int, People]]) -> None:
+        for topic, feed in skeleton_feeds(bag, skeleton_source(parameters), parameters.topic).items():
+            _require_type(bag, topic, feed.type_name)
+            found.setdefault(topic, []).append(partial(_people, feed.read, into))
+
+    watch(settings.person, streams.person)
+    if settings.partner is not None and settings.partner.topic != SAME:
+        watch(settings.partner, streams.partner)
+    if settings.robot is not None:
+        topic = _named_topic(bag, JOINT_STATE_TYPE, settings.robot.topic)
+        found.setdefault(topic, []).append(partial(_joints, streams))
+    if settings.label.startswith(TOPIC) and bag.path.stem not in settings.labels:
+        topic = _named_topic(bag, LABEL_TYPE, settings.label.removeprefix(TOPIC))
+        found.setdefault(topic, []).append(partial(_label, streams.labels))
+    return found
+
+
+def read_streams(bag: BagReader, settings: DemonstrationSettings, on_message: Callable[[], None]) -> Streams:
+    """Read a bag.
+
+    Args:
+        bag: The bag.
+        settings: What is wanted of it.
+        on_message: Called for each message, for progress.
+
+    Raises:
+        BagError: It lacks a topic, or breaks off.
+        SetupError: A tracker's joints are not named.
+    """
+    streams = Streams()
+    wanted = readers(bag, settings, streams)
+    for raw in bag.messages(wanted):
+        on_message()
+        try:
+            message = bag.decode(raw)
+            for read in wanted[raw.topic]:
+                read(message, raw.time_ns)
+        except DataError as error:
+            streams.unreadable[f"{raw.topic} {error.reason}"] += 1
+    return streams
+
+
+def _named_topic(bag: BagReader, type_name: str, name: str) -> str:
+    """The topic of that name, with or without the slash before it.
+
+    Raises:
+        BagError: There is none, or it is of another type.
+    """
+    topic = next((topic for topic in bag.topics if topic.strip("/") == name.strip("/")), name)
+    _require_type(bag, topic, type_name)
+    return topic
+
+
+def _require_type(bag: BagReader, topic: str, type_name: str) -> None:
+    """Refuse a topic that is not there or of another type."""
+    if topic not in bag.topics or bag.topics[topic].type_name != type_name:
+        of_type = sorted(name for name, summary in bag.topics.items() if summary.type_name == type_name)
+        raise BagError(str(bag.path), f"has no {topic} of {type_name}", f"name one of {', '.join(of_type) or '(none)'}")
+
+
+def _people(read: Callable[[Any, int], People | None], into: list[tuple[int, People]], message: Any, now: int) -> None:
+    people = read(message, now)
+    if people is not None:
+        into.append((now, people))
+
+
+def _joints(streams: Streams, message: Any, now: int) -> None:
+    """Keep the joints that are told: a gripper that says NaN does not spoil an arm."""
+    names, positions = tuple(map(str, message.name)), np.asarray(message.position, dtype=np.float64)
+    if len(names) != len(positions):
+        raise DataError("wrong_layout", f"{len(names)} joint names with {len(positions)} positions")
+    finite = np.isfinite(positions)
+    streams.unreadable["joint positions not finite"] += int(np.count_nonzero(~finite))
+    told = tuple(name for name, is_told in zip(names, finite, strict=True) if is_told)
+    streams.joints.append((now, JointMeasurement(ns_from_msg(message.header.stamp), told, positions[finite])))
+
+
+def _label(into: list[tuple[int, str]], message: Any, now: int) -> None:
+    into.append((now, str(message.data)))
+
+
+@dataclass(frozen=True)
+class Clock:
+    """How the stamps of a topic become times of the recorder's clock.
+
+    Attributes:
+        shift_ns: Added to each; None takes the time of receipt.
+        note: What is odd about them, for people; "" for nothing.
+    """
+
+    shift_ns: int | None
+    note: str = ""
+
+    def time_ns(self, stamp_ns: int, received_ns: int) -> int:
+        """When a message was true."""
+        return received_ns if self.shift_ns is None or stamp_ns == 0 else stamp_ns + self.shift_ns
+
+
+def judge_clock(thing: str, received_ns: Sequence[int], stamps_ns: Sequence[int], choice: str) -> Clock:
+    """What to do with the stamps of a topic.
+
+    Args:
+        thing: Whose they are, for people.
+        received_ns: When its messages came.
+        stamps_ns: Their stamps; 0 for none.
+        choice: "header" keeps them, "bag" takes the receipts, "auto" judges.
+    """
+    stamped = [(got, stamp) for got, stamp in zip(received_ns, stamps_ns, strict=True) if stamp]
+    if choice != "auto" or not stamped:
+        return Clock(None if choice == "bag" or not stamped else 0)
+    delays_s = np.subtract(*np.transpose(np.array(stamped))) * 1e-9
+    low, delay_s, high = np.quantile(delays_s, [0.05, 0.5, 0.95])
+    if high - low > UNSTEADY_S:
+        return Clock(None, f"stamps of {thing} jump about by {high - low:.1f} s: the times of receipt are taken")
+    if EARLIEST_S <= delay_s <= LATEST_S:
+        return Clock(0)
+    return Clock(round(delay_s * 1e9), f"the clock of {thing} is {delay_s:.1f} s off the recorder's: moved")
