@@ -16,6 +16,7 @@ from mild_core.inference.member import Member, spread_operators
 from mild_core.inference.networks import Network, build_network
 from mild_core.inference.priors import PRIORS
 from mild_core.inference.priors.prior import Prior
+from mild_core.inference.territory import Territory, take_territory
 from mild_core.shapes import FloatArray, read_only
 
 Arrays = Mapping[str, NDArray[Any]]
@@ -34,6 +35,9 @@ class MildModel:
         residual_covariance: (N, N) of a frame's error by cross-validation, averaged over the window [rad^2 or m^2].
         temper: Power of each frame's likelihood in recognition.
         forgetting: Share of the evidence that is kept from one frame to the next.
+        covariance_scale: (P,) what the published covariance is multiplied with while an interaction goes on, so that
+            its 90 % region holds nine true values of ten; by cross-validation, see `learning.calibration`.
+        territory: Where the known interactions' windows lie; None: their members alone tell what is unknown.
     """
 
     manifest: Manifest
@@ -41,6 +45,8 @@ class MildModel:
     residual_covariance: FloatArray
     temper: float
     forgetting: float
+    covariance_scale: FloatArray
+    territory: Territory | None = None
 
 
 def build_model(manifest: Manifest, arrays: Arrays) -> MildModel:
@@ -50,7 +56,8 @@ def build_model(manifest: Manifest, arrays: Arrays) -> MildModel:
         manifest: Says which arrays there are.
         arrays: `member_<i>.<network>.<layer>.<array>`, `member_<i>.prior.<interaction>.<array>`,
             `member_<i>.latent_radius`, and where there is such a network `member_<i>.distance.centres` and `.radii`;
-            `residual_covariance`; `recognition` (temper, forgetting), which may be left out.
+            `residual_covariance`; `covariance_scale`, `recognition` (temper, forgetting) and `territory.<array>`,
+            which may be left out.
 
     Raises:
         ModelError: An array is missing, of another shape, not finite or not what the manifest says; it is named.
@@ -62,18 +69,23 @@ def build_model(manifest: Manifest, arrays: Arrays) -> MildModel:
         )
         size = manifest.controlled.values
         residual = taken.array("residual_covariance", (size, size))
-        recognition = np.array([TEMPER, FORGETTING])
-        if "recognition" in arrays:
-            recognition = taken.array("recognition", (2,))
+        interactions = len(manifest.interactions)
+        recognition = taken.array("recognition", (2,), np.array([TEMPER, FORGETTING]))
         if not (0.0 < recognition[0] <= 1.0 and 0.0 < recognition[1] <= 1.0):
             raise ValueError(f"array recognition is {recognition.tolist()}, not two shares of one")
+        scale = taken.array("covariance_scale", (interactions,), np.ones(interactions))
+        if not (scale > 0.0).all():
+            raise ValueError(f"array covariance_scale is {scale.tolist()}, not above zero")
+        territory = None
+        if any(name.startswith("territory.") for name in arrays):
+            territory = take_territory(taken.array, manifest.window * manifest.frame_values, interactions)
         unknown = sorted(set(arrays) - taken.names)
         if unknown:
             raise ValueError(f"array {unknown[0][:80]} belongs to nothing in the manifest")
     except ValueError as error:
         remedy = "take the folder as it was trained, or train it anew"
         raise ModelError(f"model {manifest.name}", str(error), remedy) from None
-    return MildModel(manifest, members, residual, float(recognition[0]), float(recognition[1]))
+    return MildModel(manifest, members, residual, float(recognition[0]), float(recognition[1]), scale, territory)
 
 
 class _Taken:
@@ -83,10 +95,12 @@ class _Taken:
         self.arrays = arrays
         self.names: set[str] = set()
 
-    def array(self, name: str, shape: tuple[int | None, ...]) -> FloatArray:
-        """A finite float64 array of a shape; None is any length."""
+    def array(self, name: str, shape: tuple[int | None, ...], otherwise: FloatArray | None = None) -> FloatArray:
+        """A finite float64 array of a shape; None is any length. Where there is none, `otherwise` if that is given."""
         self.names.add(name)
         if name not in self.arrays:
+            if otherwise is not None:
+                return read_only(otherwise)
             raise ValueError(f"array {name} is missing")
         array = self.arrays[name]
         fits = array.ndim == len(shape) and all(n is None or n == m for n, m in zip(shape, array.shape, strict=True))

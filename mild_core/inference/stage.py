@@ -26,7 +26,7 @@ from mild_core.inference.motion_model import MildModel
 from mild_core.inference.priors.filtering import UNDERFLOW
 from mild_core.inference.recognition import Recognition, given, recognise, undecided
 from mild_core.inference.stepping import Observed
-from mild_core.shapes import read_only
+from mild_core.shapes import FloatArray, read_only
 from mild_core.signals import FeatureWindow, MotionWindow
 
 AUTO = "auto"
@@ -61,10 +61,12 @@ class InferenceState:
         index: Its number since the start or the last reset.
         copies: S of them.
         recognition: Which interaction it is.
+        strayed: See `Territory.follow`; (0,) in a model without one.
     """
 
     recognition: Recognition
     copies: tuple[CopyState, ...]
+    strayed: FloatArray
     counts: Mapping[str, int] = field(default_factory=dict)
     outcome: str = ""
     detail: str = ""
@@ -108,7 +110,9 @@ class Inference:
         told = self.interaction != AUTO
         recognition = given(names.index(self.interaction), len(names)) if told else undecided(len(names))
         copy = CopyState(-1, tuple(member.init() for member in self._members))
-        return InferenceState(recognition, (copy,) * self.model.manifest.stride)
+        territory = self.model.territory
+        strayed = read_only(np.zeros(0)) if territory is None else territory.init()
+        return InferenceState(recognition, (copy,) * self.model.manifest.stride, strayed)
 
     def step(
         self, state: InferenceState, window: FeatureWindow, now_ns: int
@@ -134,7 +138,7 @@ class Inference:
             ), ()
         recognition = self._recognise(before.recognition, found)
         generated = [m.generate(seen, recognition.probabilities) for m, seen in zip(self._members, found, strict=True)]
-        strangeness = sum([seen.score for seen in found]) / len(found)
+        strayed, strangeness = self._stray(before.strayed, window, found)
         motion = self._motion(window, recognition, strangeness, _combined(generated))
         events["accepted"] = 1
         if strangeness > 1.0:
@@ -142,7 +146,8 @@ class Inference:
         copy = CopyState(index, tuple([MemberState(seen.context, seen.memory) for seen in found]))
         copies = (*before.copies[:place], copy, *before.copies[place + 1 :])
         counts = _counted(state, events)
-        return InferenceState(recognition, copies, counts, "accepted", "", window.stamp_ns, index), (motion,)
+        state = InferenceState(recognition, copies, strayed, counts, "accepted", "", window.stamp_ns, index)
+        return state, (motion,)
 
     def _check(self, state: InferenceState, window: FeatureWindow) -> None:
         """Raise DataError unless the window can be used."""
@@ -193,6 +198,16 @@ class Inference:
             return before
         return recognise(before, log_likelihoods.sum(axis=0), self.model.temper, self.model.forgetting)
 
+    def _stray(
+        self, strayed: FloatArray, window: FeatureWindow, found: tuple[Observed, ...]
+    ) -> tuple[FloatArray, float]:
+        """How far the person has strayed from each interaction, and the out-of-distribution score."""
+        strangeness = sum([seen.score for seen in found]) / len(found)
+        if self.model.territory is None:
+            return strayed, strangeness
+        strayed = self.model.territory.follow(strayed, window.features)
+        return strayed, max(strangeness, self.model.territory.score(strayed))
+
     def _motion(
         self, window: FeatureWindow, recognition: Recognition, strangeness: float, generated: Generated
     ) -> MotionWindow:
@@ -206,7 +221,7 @@ class Inference:
             period_ns=self._period_ns,
             joint_names=controlled.joint_names,
             positions=rows,
-            covariance=generated.covariance,
+            covariance=generated.covariance * (recognition.probabilities @ self.model.covariance_scale),
             interaction=manifest.interactions[recognition.likeliest] if named else "",
             probability=recognition.probability,
             belief=generated.weights,

@@ -13,6 +13,7 @@ from scipy.stats import wilcoxon  # type: ignore[import-untyped]  # scipy brings
 from mild_core.learning.cross_validation import Result
 from mild_core.learning.evaluation import BOOTSTRAP_DRAWS, Errors, TrialErrors, summarise
 from mild_core.learning.methods import METHODS
+from mild_core.learning.run_time import HeldOut, RunTime, summarise_run_time
 from mild_core.shapes import FloatArray
 
 BARS = ("mild_paper", "kernel_ridge", "gru")
@@ -49,6 +50,7 @@ class Row:
         errors: Of the squared errors averaged over seeds, trial by trial.
         relative: Against each of `BARS` that was run (labels given), by its name.
         seconds: To learn one fold, mean.
+        run_time: What the run-time stage did with the trials; None for a method that it does not run.
     """
 
     method: str
@@ -60,6 +62,7 @@ class Row:
     errors: Errors
     relative: Mapping[str, Relative]
     seconds: float
+    run_time: RunTime | None = None
 
 
 def compare(results: Sequence[Result], interactions: Sequence[str]) -> tuple[Row, ...]:
@@ -70,10 +73,14 @@ def compare(results: Sequence[Result], interactions: Sequence[str]) -> tuple[Row
         interactions: Names to report.
     """
     groups: dict[tuple[str, str], dict[int, list[TrialErrors]]] = {}
+    held_out: dict[str, dict[int, list[HeldOut]]] = {}
     for result in sorted(results, key=lambda one: (one.job.seed, one.job.fold)):
         for labels, errors in result.errors.items():
             groups.setdefault((result.job.method, labels), {}).setdefault(result.job.seed, []).extend(errors)
+        if result.held_out:
+            held_out.setdefault(result.job.method, {}).setdefault(result.job.seed, []).extend(result.held_out)
     averaged = {key: _averaged(list(seeds.values())) for key, seeds in groups.items()}
+    run_times = {method: summarise_run_time(list(seeds.values())) for method, seeds in held_out.items()}
     bars = {name: averaged[name, "given"] for name in BARS if (name, "given") in averaged}
     rows = []
     for (method, labels), seeds in groups.items():
@@ -90,6 +97,7 @@ def compare(results: Sequence[Result], interactions: Sequence[str]) -> tuple[Row
                 errors=summarise(mean, interactions),
                 relative={name: _relative(mean, bar) for name, bar in bars.items() if name != method},
                 seconds=float(np.mean([result.seconds for result in results if result.job.method == method])),
+                run_time=run_times.get(method),
             )
         )
     return tuple(sorted(rows, key=lambda row: row.macro_mean))

@@ -21,7 +21,9 @@ from mild_core.learning.datasets import recording_named
 from mild_core.learning.evaluation import TrialErrors, errors_of_trial
 from mild_core.learning.folds import FOLDS, folds_of
 from mild_core.learning.methods import METHODS, method_for
+from mild_core.learning.model_predictor import ModelPredictor
 from mild_core.learning.recording import Demonstrations
+from mild_core.learning.run_time import HeldOut, watch
 from mild_core.learning.windows import protocol_named
 
 GIVEN, RECOGNISED, UNKNOWN = "given", "recognised", "unknown"
@@ -53,11 +55,13 @@ class Result:
         errors: Errors of the held-out trials by what the method was told: under "given", and under "recognised" too by
             one that can find the interaction out; under "unknown" alone by one that never looks at it.
         seconds: How long learning took.
+        held_out: What the run-time stage did with the held-out trials; empty for a method that it does not run.
     """
 
     job: Job
     errors: Mapping[str, tuple[TrialErrors, ...]]
     seconds: float
+    held_out: tuple[HeldOut, ...] = ()
 
 
 def jobs_of(
@@ -108,7 +112,9 @@ def run_job(job: Job) -> Result:
     if isinstance(predictor, Recognising):
         answers = ((trial, predictor.predict_recognised(trial)) for trial in fold.held_out)
         errors[RECOGNISED] = tuple(errors_of_trial(trial, protocol, answer) for trial, answer in answers)
-    return Result(job, errors, seconds)
+    if not isinstance(predictor, ModelPredictor):
+        return Result(job, errors, seconds)
+    return Result(job, errors, seconds, tuple(watch(predictor, trial, job.fold) for trial in fold.held_out))
 
 
 @contextmanager

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from mild_core.inference.networks import LayerSpec
 from mild_core.learning.coordinates import Coordinates
 from mild_core.learning.corpus import corpus_of
 from mild_core.learning.demonstration import Demonstration
-from mild_core.learning.novelty import Territory, bone_lengths_m, latent_radius, territory_of
+from mild_core.learning.novelty import bone_lengths_m, latent_radius, territory_of
 from mild_core.learning.trained import TrainedMember, TrainedModel
 from mild_core.learning.vae import RUNNING, Chain
 from mild_core.shapes import FloatArray
@@ -62,6 +63,7 @@ def export(
     demonstrations: Sequence[Demonstration],
     residual_covariance: FloatArray,
     facts: ModelFacts,
+    covariance_scale: Mapping[str, float] = MappingProxyType({}),
 ) -> tuple[Manifest, Arrays]:
     """Put a trained model into the form that `inference.model.save_model` and `build_model` take.
 
@@ -70,12 +72,15 @@ def export(
         demonstrations: It was trained on; only radii and bone lengths are measured on them, nothing of them is kept.
         residual_covariance: (J, J) of the error by cross-validation [rad^2].
         facts: All else.
+        covariance_scale: What the published covariance is multiplied with, by interaction; 1 where nothing is said.
     """
     corpus = corpus_of(demonstrations, trained.protocol, trained.interactions)
-    territory = territory_of(corpus, trained.seed)
+    territory = territory_of(demonstrations, trained.protocol, trained.interactions, trained.seed)
     members, arrays = [], {"residual_covariance": np.asarray(residual_covariance, dtype=np.float64)}
+    arrays["covariance_scale"] = np.array([covariance_scale.get(name, 1.0) for name in trained.interactions])
+    arrays |= territory.to_arrays()
     for index, member in enumerate(trained.members):
-        specs, found = _member(member, territory)
+        specs, found = _member(member)
         members.append(specs)
         found["latent_radius"] = latent_radius(member, corpus, trained.settings.stride, trained.seed)
         for name, prior in zip(trained.interactions, member.prior.priors, strict=True):
@@ -127,7 +132,7 @@ def _manifest(
     )
 
 
-def _member(member: TrainedMember, territory: Territory) -> tuple[dict[str, NetworkSpec], Arrays]:
+def _member(member: TrainedMember) -> tuple[dict[str, NetworkSpec], Arrays]:
     """Networks of one member, and their arrays without the member's prefix."""
     networks, architecture = member.networks, member.networks.architecture
     sizes = {"window": len(member.question.mean), "label": len(member.prior.priors), "context": architecture.memory}
@@ -151,14 +156,6 @@ def _member(member: TrainedMember, territory: Territory) -> tuple[dict[str, Netw
         layers, found = _fronted(list(member.recogniser.network.specs), member.recogniser.network.arrays(), front)
         specs["recogniser"] = NetworkSpec(("window",), tuple(layers))
         arrays |= {f"recogniser.{key}": array for key, array in found.items()}
-    width, features = territory.weight.shape
-    specs["distance"] = NetworkSpec(("window",), (LayerSpec("dense", "coordinates", width, features),))
-    arrays |= {
-        "distance.coordinates.weight": territory.weight,
-        "distance.coordinates.bias": territory.bias,
-        "distance.centres": territory.centres,
-        "distance.radii": territory.radii,
-    }
     return specs, arrays
 
 

@@ -26,11 +26,13 @@ class Answers:
 
     Attributes:
         predicted: (N, W, J) joint angles [rad], or (N, W, J, 3) the partner's arm [m].
+        covariances: (N, n, n) of a frame's values, averaged over the window.
         interactions: N, the interaction it acted upon; "" when it knew none.
         out_of_distribution: (N,) see `MotionWindow`.
     """
 
     predicted: FloatArray
+    covariances: FloatArray
     interactions: tuple[str, ...]
     out_of_distribution: FloatArray
 
@@ -72,7 +74,8 @@ class ModelPredictor:
             raise ModelError(f"model '{self.model.manifest.name}'", problem, "train it anew")
         predicted = np.array([motion.positions for motion in motions]).reshape(true.shape)
         scores = np.array([motion.out_of_distribution for motion in motions])
-        return Answers(predicted, tuple(motion.interaction for motion in motions), scores)
+        covariances = np.array([motion.covariance for motion in motions])
+        return Answers(predicted, covariances, tuple(motion.interaction for motion in motions), scores)
 
 
 def require_fit(manifest: Manifest, protocol: Protocol, demonstrations: Sequence[Demonstration]) -> None:

@@ -1,74 +1,106 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far a person's motion may be from what was learned before it is unknown: radii, measured while learning."""
+"""How far a person's motion may be from what was learned before it is unknown, measured while learning."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 import torch
 from torch.nn import functional
 
+from mild_core.inference.territory import Territory
 from mild_core.learning.coordinates import principal_coordinates
 from mild_core.learning.corpus import Corpus, bend, cut_tracks
+from mild_core.learning.demonstration import Demonstration
+from mild_core.learning.folds import Fold, folds_of
 from mild_core.learning.settings import Augmentation
 from mild_core.learning.trained import TrainedMember
+from mild_core.learning.windows import Protocol, cut, onset_window
 from mild_core.shapes import FloatArray
 
-FEATURES = 10
-"""Principal components of the human's window in which distances are taken."""
+FEATURES, WHITENING = 20, 0.5
+"""Principal components of the human's window in which distances are taken, and how much their deviations differ."""
 
-CENTRES, LEAST_WINDOWS = 64, 20
-"""Clusters at most, and windows for one of them at least, on average."""
+CENTRES, LEAST_WINDOWS = 64, 10
+"""Clusters of an interaction at most, and windows for one of them at least, on average."""
+
+WINDOWS_PER_S = 10.0
+"""That are clustered: neighbours are almost equal."""
+
+KEPT_PER_S = 0.6
+"""Share of what somebody has strayed that still counts after a second."""
+
+SETTLED_S = 1.0
+"""So long after its onset it can be told whether a motion is known."""
 
 QUANTILE, MARGIN = 0.995, 1.1
-"""Of the windows learned from, this share lies within a radius, before the margin is added."""
+"""Of the known windows this share lies within a reach or radius, before the margin is added: at each that does not, a
+robot stops in the middle of what it does."""
 
 DRAWS = Augmentation(copies=4, speed=0.1, unsteadiness=0.1, arm_scale=0.05, yaw_rad=0.1, offset_m=0.01)
-"""Trials are bent before radii are measured: the next person is not one of those who were recorded."""
+"""Trials are bent before latent radii are measured: the next person is not one of those who were recorded."""
 
 ITERATIONS = 30
 
 
-@dataclass(frozen=True, eq=False)
-class Territory:
-    """Where in the space of windows the learned ones lie, without storing any of them.
+def territory_of(
+    demonstrations: Sequence[Demonstration], protocol: Protocol, interactions: Sequence[str], seed: int
+) -> Territory:
+    """Where the windows of each interaction lie, and how far those of other people may be.
 
-    Attributes:
-        weight: (W D, F) from a window to whitened principal components.
-        bias: (F,).
-        centres: (M, F) means of clusters.
-        radii: (M,) how far their windows reach.
+    The reach is `MARGIN` times what `QUANTILE` of the settled frames keep within, in trials held out in turn.
+
+    Args:
+        demonstrations: Of every interaction at least one.
+        protocol: How to cut them.
+        interactions: By label.
+        seed: Of the clusters' beginnings.
+
+    Source: ours. Lloyd's algorithm, started as in Arthur, Vassilvitskii, "k-means++" (2007).
     """
+    whole = Fold(tuple(demonstrations), tuple(demonstrations))
+    known = {trial.interaction for trial in demonstrations}
+    folds = [fold for fold in folds_of(demonstrations) if {trial.interaction for trial in fold.learned} == known]
+    scores = []
+    for fold in folds or [whole]:
+        territory = clustered(fold.learned, protocol, interactions, seed)
+        scores += [settled_scores(territory, trial, protocol) for trial in fold.held_out]
+    reach = MARGIN * float(np.quantile(np.concatenate(scores), QUANTILE))
+    return replace(clustered(demonstrations, protocol, interactions, seed), reach=max(reach, 1e-6))
 
-    weight: FloatArray
-    bias: FloatArray
-    centres: FloatArray
-    radii: FloatArray
+
+def settled_scores(territory: Territory, trial: Demonstration, protocol: Protocol) -> FloatArray:
+    """Scores of a trial's windows from `SETTLED_S` after its onset; of the last one, where that is later."""
+    strayed, scores = territory.init(), []
+    for window in cut(trial, protocol).observed:
+        strayed = territory.follow(strayed, window)
+        scores.append(territory.score(strayed))
+    return np.array(scores)[min(onset_window(trial, protocol, SETTLED_S), len(scores) - 1) :]
 
 
-def territory_of(corpus: Corpus, seed: int) -> Territory:
-    """Clusters of the windows of all trials, bent a little (see `DRAWS`).
-
-    Source: Lloyd's algorithm, started as in Arthur, Vassilvitskii, "k-means++" (2007).
-    """
-    recorded = cut_tracks(corpus, corpus.tracks, 0, 2)
-    coordinates = principal_coordinates(recorded.question[recorded.valid > 0], FEATURES, 1.0)
+def clustered(
+    demonstrations: Sequence[Demonstration], protocol: Protocol, interactions: Sequence[str], seed: int
+) -> Territory:
+    """A territory that reaches one unit far."""
+    rate_hz = demonstrations[0].rate_hz / protocol.keep_every
+    stride = max(1, round(rate_hz / WINDOWS_PER_S))
+    windows = {name: [] for name in interactions}  # type: dict[str, list[FloatArray]]
+    for trial in demonstrations:
+        questions = cut(trial, protocol).observed[::stride]
+        windows[trial.interaction].append(questions.reshape(len(questions), -1))
+    every = np.concatenate([part for parts in windows.values() for part in parts])
+    coordinates = principal_coordinates(torch.from_numpy(every), FEATURES, WHITENING)
     assert coordinates.directions is not None
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(seed)
-        bent = cut_tracks(corpus, bend(corpus.tracks, DRAWS), 0, 4)
-    windows = coordinates.project(bent.question[bent.valid > 0]).double().numpy()
-    centres = _clusters(windows, max(1, min(CENTRES, len(windows) // LEAST_WINDOWS)), np.random.default_rng(seed))
-    squares = _squares(windows, centres)
-    nearest, distances = squares.argmin(axis=1), np.sqrt(squares.min(axis=1))
-    own = [distances[nearest == m] for m in range(len(centres))]
-    reach = np.array([np.quantile(d, QUANTILE) if len(d) else 0.0 for d in own])
-    # A cluster of hardly any spread (people at rest) would call the next person unknown for standing otherwise.
-    radii = MARGIN * np.maximum(reach, np.median(reach))
     weight = (coordinates.directions / coordinates.scale).double().numpy()
-    return Territory(weight, -coordinates.mean.double().numpy() @ weight, centres, radii)
+    bias, rng = -coordinates.mean.double().numpy() @ weight, np.random.default_rng(seed)
+    centres = []
+    for parts in windows.values():
+        points = np.concatenate(parts) @ weight + bias
+        centres.append(_clusters(points, max(1, min(CENTRES, len(points) // LEAST_WINDOWS)), rng))
+    owners = np.repeat(np.arange(len(centres)), [len(found) for found in centres]).astype(np.float64)
+    return Territory(weight, bias, np.concatenate(centres), owners, 1.0, KEPT_PER_S ** (1.0 / rate_hz))
 
 
 def latent_radius(member: TrainedMember, corpus: Corpus, stride: int, seed: int) -> FloatArray:

@@ -17,6 +17,9 @@ from mild_core.signals import FeatureWindow
 
 NANOSECONDS_PER_SECOND = 1_000_000_000
 
+ONSET_M, REST_FRAMES = 0.05, 10
+"""A motion has begun when the hand is this far from its mean place in the first frames."""
+
 
 @dataclass(frozen=True)
 class Protocol:
@@ -148,6 +151,17 @@ def cut(demonstration: Demonstration, protocol: Protocol) -> Windows:
     observed = np.moveaxis(sliding_window_view(features, width, axis=0), -1, 1)[:count]
     controlled = np.moveaxis(sliding_window_view(trial.controlled, width, axis=0), -1, 1)[first : first + count]
     return Windows(np.ascontiguousarray(observed), np.ascontiguousarray(controlled))
+
+
+def onset_window(demonstration: Demonstration, protocol: Protocol, after_s: float = 0.0) -> int:
+    """Number of the first window of a trial whose newest frame comes `after_s` seconds after the motion's onset.
+
+    It may lie beyond the last window, and is 0 where the motion began before there was a window.
+    """
+    hand = demonstration.observed_m[:, -1]
+    away = np.linalg.norm(hand - hand[:REST_FRAMES].mean(axis=0), axis=1) > ONSET_M
+    frame = int(away.argmax()) + round(after_s * demonstration.rate_hz)
+    return max(0, frame // protocol.keep_every - (protocol.window - 1))
 
 
 def feature_windows(demonstration: Demonstration, protocol: Protocol) -> Iterator[FeatureWindow]:

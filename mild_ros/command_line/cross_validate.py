@@ -6,24 +6,29 @@ from __future__ import annotations
 import json
 import os
 import platform
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from mild_ros.command_line.error_tables import markdown, print_comparison, rows_as_data
+from mild_core.errors import SetupError
+from mild_ros.command_line.error_tables import markdown, markdown_table, print_cells, print_comparison, rows_as_data
+from mild_ros.command_line.run_time_tables import run_time_as_data, run_time_cells, unknown_as_data, unknown_cells
 from mild_ros.share import model_folder
 
 if TYPE_CHECKING:
+    from mild_core.learning.comparison import Row
     from mild_core.learning.configuration import Configuration
     from mild_core.learning.cross_validation import Job, Result
     from mild_core.learning.recording import Recording
+    from mild_core.learning.units import Unit
 
 FOLDS = 4
+LEAST_INTERACTIONS = 3
 
 
 @dataclass(frozen=True)
@@ -82,7 +87,8 @@ def cross_validate(request: Request, out: Path, as_json: bool) -> None:
 
     Args:
         request: What to do.
-        out: Folder for `cross_validation_<dataset>_<protocol>` as `.json`, `.md` and `.png`.
+        out: Folder for `cross_validation_<dataset>_<protocol>` as `.json`, `.md` and `.png`, and a `.png` of
+            reliability per method that the run-time stage runs.
         as_json: Print JSON instead of tables.
     """
     from mild_core.learning.comparison import compare
@@ -90,7 +96,6 @@ def cross_validate(request: Request, out: Path, as_json: bool) -> None:
     from mild_core.learning.cross_validation import jobs_of
     from mild_core.learning.folds import require_folds
     from mild_core.learning.methods import METHODS
-    from mild_ros.viewing.figures.comparison import draw_comparison
 
     recording, seeds = request.recording, request.seeds
     require_folds(recording.read(request.path).train, recording.interactions)  # said before anything else starts
@@ -102,16 +107,58 @@ def cross_validate(request: Request, out: Path, as_json: bool) -> None:
         rows = compare(_run(jobs, request.workers, protocol), recording.interactions)
         about = {"dataset": recording.name, "protocol": protocol, "folds": FOLDS, "seeds": seeds, "date": _today()}
         about |= {"unit": recording.unit.squared, "cores": os.cpu_count(), "machine": platform.machine()}
-        tables[protocol] = {**about, "methods": rows_as_data(rows, recording.unit)}
+        tables[protocol] = {**about, "methods": rows_as_data(rows, recording.unit), "run_time": run_time_as_data(rows)}
+        _leave(tables[protocol], rows, recording.unit, out, as_json)
+    if as_json:
+        print(json.dumps(tables if len(tables) > 1 else tables[request.protocols[0]], indent=1))
+
+
+def _leave(table: Mapping[str, Any], rows: Sequence[Row], unit: Unit, out: Path, as_json: bool) -> None:
+    """Write the files of one protocol's table, and print it unless JSON will be."""
+    from mild_ros.viewing.figures.comparison import draw_comparison
+    from mild_ros.viewing.figures.reliability import draw_reliability
+
+    cells = run_time_cells(table["run_time"], {row.method: row.title for row in rows})
+    out.mkdir(parents=True, exist_ok=True)
+    stem = out / f"cross_validation_{table['dataset']}_{table['protocol']}"
+    stem.with_suffix(".json").write_text(json.dumps(table, indent=1) + "\n")
+    stem.with_suffix(".md").write_text(f"{markdown(rows, unit)}\n{markdown_table(cells, 1)}")
+    draw_comparison(table, stem.with_suffix(".png"))
+    about = f"{table['dataset']}, protocol {table['protocol']}"
+    for method, found in table["run_time"].items():
+        title = f"{about}, {method}: regions of the published covariance"
+        draw_reliability(found, out / f"{stem.name}_{method}_reliability.png", title)
+    if not as_json:
+        print_comparison(f"{about}: {FOLDS} folds over the training trials, {table['seeds']} seeds", rows, unit)
+        print_cells("at run time", cells, 1)
+        Console().print(f"written to {stem}.json, .md and .png", highlight=False, soft_wrap=True)
+
+
+def tell_unknown(request: Request, out: Path, as_json: bool) -> None:
+    """Leave each interaction out, print and write how well it is told unknown, per protocol."""
+    from mild_core.learning.folds import require_folds
+    from mild_core.learning.unknown import leave_one_out
+
+    recording = request.recording
+    trials = recording.read(request.path).train
+    require_folds(trials, recording.interactions)
+    shown = tuple(name for name in recording.interactions if any(trial.interaction == name for trial in trials))
+    if len(shown) < LEAST_INTERACTIONS:
+        raise SetupError(
+            str(request.path), f"shows only {', '.join(shown)}", f"leaving one out takes {LEAST_INTERACTIONS}"
+        )
+    tables = {}
+    for protocol in request.protocols:
+        found = leave_one_out(trials, recording.protocols[protocol], shown)
+        about = {"dataset": recording.name, "protocol": protocol, "folds": FOLDS, "date": _today()}
+        tables[protocol] = {**about, **unknown_as_data(found)}
         out.mkdir(parents=True, exist_ok=True)
-        stem = out / f"cross_validation_{recording.name}_{protocol}"
+        stem, cells = out / f"unknown_{recording.name}_{protocol}", unknown_cells(found)
         stem.with_suffix(".json").write_text(json.dumps(tables[protocol], indent=1) + "\n")
-        stem.with_suffix(".md").write_text(markdown(rows, recording.unit))
-        draw_comparison(tables[protocol], stem.with_suffix(".png"))
+        stem.with_suffix(".md").write_text(markdown_table(cells, 1))
         if not as_json:
-            title = f"{recording.name}, protocol {protocol}: {FOLDS} folds over the training trials, {seeds} seeds"
-            print_comparison(title, rows, recording.unit)
-            Console().print(f"written to {stem}.json, .md and .png", highlight=False, soft_wrap=True)
+            print_cells(f"{recording.name}, protocol {protocol}: each interaction left out", cells, 1)
+            Console().print(f"written to {stem}.json and .md", highlight=False, soft_wrap=True)
     if as_json:
         print(json.dumps(tables if len(tables) > 1 else tables[request.protocols[0]], indent=1))
 

@@ -131,25 +131,34 @@ def interaction_cells(rows: Sequence[Row], spread: bool) -> list[list[str]]:
 
 def print_comparison(title: str, rows: Sequence[Row], unit: Unit) -> None:
     """Tables of all methods, the best first."""
-    console = Console()
-    for name, lines in ((title, overall_cells(rows, unit)), ("by interaction", interaction_cells(rows, spread=False))):
-        table = Table(title=name)
-        for place, column in enumerate(lines[0]):
-            table.add_column(column, justify="left" if place < 2 else "right", no_wrap=place < 3)
-        for line in lines[1:]:
-            table.add_row(*line)
-        console.print(table)
+    print_cells(title, overall_cells(rows, unit), 2)
+    print_cells("by interaction", interaction_cells(rows, spread=False), 2)
+
+
+def print_cells(title: str, lines: Sequence[Sequence[str]], named: int) -> None:
+    """A table of a header and lines, none for no lines; the first `named` columns are names."""
+    if not lines:
+        return
+    table = Table(title=title)
+    for place, column in enumerate(lines[0]):
+        table.add_column(column, justify="left" if place < named else "right", no_wrap=place < named + 1)
+    for line in lines[1:]:
+        table.add_row(*line)
+    Console().print(table)
 
 
 def markdown(rows: Sequence[Row], unit: Unit) -> str:
     """The same tables in Markdown."""
     return "\n".join(
-        _markdown_table(lines) for lines in (overall_cells(rows, unit), interaction_cells(rows, spread=True))
+        markdown_table(lines, 2) for lines in (overall_cells(rows, unit), interaction_cells(rows, spread=True))
     )
 
 
-def _markdown_table(lines: Sequence[Sequence[str]]) -> str:
-    rule = ["---", "---", *["---:"] * (len(lines[0]) - 2)]
+def markdown_table(lines: Sequence[Sequence[str]], named: int) -> str:
+    """The same as `print_cells`."""
+    if not lines:
+        return ""
+    rule = [*["---"] * named, *["---:"] * (len(lines[0]) - named)]
     return "".join(f"| {' | '.join(line)} |\n" for line in (lines[0], rule, *lines[1:]))
 
 

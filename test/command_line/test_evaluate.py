@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from test.command_line.test_main import run
+from test.command_line.test_train import smooth_track
 from test.core.learning.test_buetepage_hr import one_hot, track, write
 
 
@@ -66,7 +67,7 @@ def test_an_empty_test_split_is_said_and_is_no_fault(model, data, capsys):
         (("--split", "tset"), "did you mean 'test'"),
         (("--labels", "maybe"), "use one of given, recognised"),
         (("--dataset", "nuisi_v9"), "'nuisi_v9' is unknown"),
-        (("--cv",), "--cv learns its own models"),
+        (("--cv",), "--cv and --unknown learn their own models"),
     ],
 )
 def test_what_cannot_be_measured_is_refused_in_one_line(model, data, options, said, capsys):
@@ -89,17 +90,66 @@ def test_the_default_recording_is_below_mild_data(model, tmp_path, monkeypatch, 
     assert f"{tmp_path}/buetepage_hr/traj_data.npz" in capsys.readouterr().err
 
 
-def test_cross_validation_writes_its_tables(tmp_path, capsys):
-    tracks = [track(index, 90) for index in range(16)]
-    data = write(tmp_path / "a.npz", tracks, [one_hot(index // 4, 90) for index in range(16)])
-    options = ("--method", "action_mean", "--method", "time_indexed_mean", "--workers", "1", "--protocol", "next")
-    assert run("evaluate", "--cv", "--data", str(data), *options, "--out", str(tmp_path / "out"), "--json") == 0
+TINY = """
+dataset = "buetepage_hr"
+protocol = "next"
+[settings]
+epochs = 2
+members = 1
+augmentation = false
+[settings.prior]
+components = 2
+"""
+"""A way to train that takes no time and learns nothing."""
+
+
+@pytest.fixture(scope="module")
+def four_by_four(tmp_path_factory):
+    """Four trials of each interaction."""
+    tracks = [smooth_track(index, 90) for index in range(16)]
+    return write(tmp_path_factory.mktemp("data") / "b.npz", tracks, [one_hot(index // 4, 90) for index in range(16)])
+
+
+def test_cross_validation_writes_its_tables_and_what_happened_at_run_time(four_by_four, tmp_path, capsys):
+    (tmp_path / "tiny.toml").write_text(TINY)
+    options = ("--method", "action_mean", "--method", "mild", "--workers", "1", "--seeds", "1")
+    options += ("--config", str(tmp_path / "tiny.toml"), "--data", str(four_by_four))
+    assert run("evaluate", "--cv", *options, "--out", str(tmp_path / "out"), "--json") == 0
     told = json.loads(capsys.readouterr().out)
-    assert told == json.loads((tmp_path / "out" / "cross_validation_buetepage_hr_next.json").read_text())
-    assert {row["method"] for row in told["methods"]} == {"action_mean", "time_indexed_mean"}
+    stem = tmp_path / "out" / "cross_validation_buetepage_hr_next"
+    assert told == json.loads(stem.with_suffix(".json").read_text())
+    assert [(row["method"], row["labels"]) for row in told["methods"] if row["method"] != "mild"] == [
+        ("action_mean", "given")
+    ]
     assert {row["windows"] for row in told["methods"]} == {16 * (18 - 9)}
-    assert (tmp_path / "out" / "cross_validation_buetepage_hr_next.png").read_bytes().startswith(b"\x89PNG")
-    assert "| mean pose | given |" in (tmp_path / "out" / "cross_validation_buetepage_hr_next.md").read_text()
+    ours = told["run_time"].pop("mild")
+    assert told["run_time"] == {}
+    assert ours["trials"] == 16
+    assert 0 <= ours["wrong_after_s"]["5"] <= 16
+    assert 0.0 <= ours["called_unknown"] <= 1.0
+    for name, curves in ours["reliability"].items():
+        assert ours["covariance_scale"][name] > 0.0
+        assert len(curves["joint"]) == len(curves["marginal_unscaled"]) == len(ours["levels"])
+        assert sorted(curves["marginal"]) == curves["marginal"]
+    for picture in (stem.with_suffix(".png"), stem.with_name(f"{stem.name}_mild_reliability.png")):
+        assert picture.read_bytes().startswith(b"\x89PNG")
+    written = stem.with_suffix(".md").read_text()
+    assert "| mean pose | given |" in written
+    assert "| wrong after 1 s |" in written
+
+
+def test_interactions_left_out_are_told_by_share_and_area(four_by_four, tmp_path, capsys):
+    options = ("--unknown", "--data", str(four_by_four), "--protocol", "next", "--out", str(tmp_path / "out"))
+    assert run("evaluate", *options, "--json") == 0
+    told = json.loads(capsys.readouterr().out)
+    for name in ("hand_wave", "handshake", "rocket", "parachute"):
+        for score in ("ours", "nearest_neighbour"):
+            assert 0.0 <= told[name][score]["share"] <= 1.0
+            assert 0.0 <= told[name][score]["area"] <= 1.0
+    assert "| rocket |" in (tmp_path / "out" / "unknown_buetepage_hr_next.md").read_text()
+    few = write(tmp_path / "few.npz", [track(i, 90) for i in range(8)], [one_hot(i // 4, 90) for i in range(8)])
+    assert run("evaluate", "--unknown", "--data", str(few)) == 2
+    assert "shows only hand_wave, handshake" in capsys.readouterr().err
 
 
 def test_too_few_trials_for_folds_are_said_before_anything_starts(tmp_path, capsys):

@@ -61,7 +61,8 @@ def table(path, protocol):
         "date": "2025-01-02",
         "unit": "rad^2",
     }
-    path.write_text(json.dumps({**about, "methods": [row]}))
+    run_time = {"mild": {"covariance_scale": {"hand_wave": 0.5, "rocket": 2.0}}}
+    path.write_text(json.dumps({**about, "methods": [row], "run_time": run_time}))
     return path
 
 
@@ -79,6 +80,7 @@ def test_a_trained_folder_loads_and_carries_measured_errors(data, tmp_path, caps
     assert manifest.training["trials"] == 8
     assert manifest.errors["cross_validation"]["rows"][0]["macro_mean"] == 0.0444
     np.testing.assert_allclose(model.residual_covariance, 0.03 * np.eye(7))
+    np.testing.assert_allclose(model.covariance_scale, [0.5, 1.0, 2.0, 1.0])
     assert set(manifest.robot_from_human.by_interaction) == {"handshake", "rocket", "parachute"}
     card = (out / "REPORT.md").read_text()
     assert "0.0444 ± 0.0010" in card

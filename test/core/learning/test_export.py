@@ -70,10 +70,10 @@ def test_no_window_that_was_learned_from_is_stored():
     sizes = {name: array.size for name, array in arrays.items()}
     frames = sum(trial.frames for trial in TRIALS)
     largest = max(sizes, key=lambda name: sizes[name])
-    assert largest.endswith("coordinates.weight"), "the largest array is the basis of windows"
-    centres = arrays["member_0.distance.centres"]
-    assert len(centres) <= 64 < frames
-    assert centres.shape[1] == 10 < manifest.window * manifest.frame_values
+    assert largest.endswith(("coordinates.weight", "territory.weight")), "the largest array is the basis of windows"
+    centres = arrays["territory.centres"]
+    assert len(centres) <= 2 * 64 < frames
+    assert centres.shape[1] == 20 < manifest.window * manifest.frame_values
 
 
 def test_a_learned_motion_is_known_and_a_strange_one_is_not():
@@ -84,7 +84,8 @@ def test_a_learned_motion_is_known_and_a_strange_one_is_not():
     unknown = predictor.answers(strange, "reach").out_of_distribution
     # By construction of the radii hardly any window that was learned from lies beyond them.
     assert (known > 1.0).mean() < 0.02
-    assert (unknown > 1.0).all()
+    # What is strange adds up over time.
+    assert (unknown[20:] > 1.0).all()
 
 
 def test_bone_lengths_are_medians():
