@@ -54,7 +54,7 @@ def problems(robot: RobotModel, commands: Sequence[Command]) -> list[str]:
 
 def _begins_anew(before: Command, after: Command) -> bool:
     """Whether time went back between two commands, or so much of it has passed that the robot rests."""
-    return not 0 < after.stamp_ns - before.stamp_ns <= LONGEST_GAP_NS
+    return not 0 <= after.stamp_ns - before.stamp_ns <= LONGEST_GAP_NS
 
 
 def _runs(commands: Sequence[Command]) -> Iterator[list[Command]]:

@@ -14,7 +14,8 @@ from typing import Any
 
 from sensor_msgs.msg import JointState
 
-from mild_ros.faults.room import Room
+from mild_core.signals import JointMeasurement
+from mild_ros.faults.room import ROBOT, Room
 from mild_ros.faults.table import Fault
 from mild_ros.messages.joint_state import joint_measurement_from_msg
 from mild_ros.processes import Nodes
@@ -38,11 +39,11 @@ class LiveRoom(Room):
     """As on a real robot."""
 
     def __init__(self, nodes: Nodes, domain: int) -> None:
-        super().__init__(nodes, domain)
+        super().__init__(nodes, domain, ("simulation", *STAGES))
         self._node.create_subscription(JointState, REPORTED, self._on_measured, SENSOR)
         nodes.start("simulation", {"rate_hz": 50.0}, {"joint_states": REPORTED})
         for name in STAGES:
-            nodes.start(name, {})
+            nodes.start(name, {"control_rate_hz": 50.0} if name == "retargeting" else {})
 
     def now_ns(self) -> int:
         """The time of the wall."""
@@ -85,8 +86,13 @@ class LiveRoom(Room):
             for message in self._see(self._due_ns):
                 self._skeletons.publish(message)
             self._due_ns += self._period_ns
-        wait_s = min(max((self._due_ns - self.now_ns()) * 1e-9, 1e-4), LONGEST_WAIT_S)
-        self._executor.spin_once(timeout_sec=wait_s)
+        heard = -1
+        while heard != self._heard:  # one call takes one message
+            heard = self._heard
+            wait_s = (self._due_ns - self.now_ns()) * 1e-9
+            self._executor.spin_once(timeout_sec=min(max(wait_s, 0.0), LONGEST_WAIT_S))
 
     def _on_measured(self, message: Any) -> None:
-        self._tell(joint_measurement_from_msg(message))
+        measured = joint_measurement_from_msg(message)
+        of_arm = [measured.joint_names.index(name) for name in ROBOT.joint_names]
+        self._tell(JointMeasurement(measured.stamp_ns, ROBOT.joint_names, measured.positions_rad[of_arm]))

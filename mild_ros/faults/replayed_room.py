@@ -35,7 +35,7 @@ class ReplayedRoom(Room):
     """As in a replay, with a robot that is where it was told to be."""
 
     def __init__(self, nodes: Nodes, domain: int) -> None:
-        super().__init__(nodes, domain)
+        super().__init__(nodes, domain, ("pipeline",))
         self._now_ns = self._due_ns = START_NS
         self._handled = 0
         self._clock = self._node.create_publisher(Clock, "/clock", STATE)

@@ -16,7 +16,7 @@ from mild_core.signals import JointMeasurement
 
 RobotFault = Callable[[JointMeasurement, JointMeasurement, float], JointMeasurement | None]
 
-BY_HAND_RAD, BY_HAND_S = 0.6, 0.3
+BY_HAND_RAD, BY_HAND_S = 0.8, 0.3
 """How far somebody pushes the first joint, and how long that takes."""
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from types import TracebackType
 from typing import Any, Self
@@ -47,6 +47,7 @@ class Room(ABC):
     Args:
         nodes: Starts processes.
         domain: In which they talk.
+        names: Of the nodes that must be at work before a person comes.
 
     Attributes:
         commands: All commands so far.
@@ -55,15 +56,15 @@ class Room(ABC):
         heard_rad: (J,) where the robot said last that it is.
     """
 
-    def __init__(self, nodes: Nodes, domain: int) -> None:
+    def __init__(self, nodes: Nodes, domain: int, names: Sequence[str]) -> None:
         self.commands: list[Command] = []
         self.modes: list[tuple[int, str]] = []
         self.human = Human()
         self.heard_rad: FloatArray = ROBOT.home_rad
-        self._nodes, self._encoded = nodes, EncodedPeople()
+        self._nodes, self._encoded, self._names = nodes, EncodedPeople(), set(names)
         self._reports: dict[str, tuple[float, dict[str, str]]] = {}
         self._fault: Fault | None = None
-        self._begun_ns = self._due_ns = 0
+        self._begun_ns = self._due_ns = self._heard = 0
         self._measured = self._first = JointMeasurement(0, ROBOT.joint_names, ROBOT.home_rad)
         self._context = rclpy.Context()
         rclpy.init(context=self._context, domain_id=domain)
@@ -102,6 +103,10 @@ class Room(ABC):
         """Whether the robot follows the person, and moves."""
         return self.mode == "following" and bool(self.commands) and self.commands[-1].moves
 
+    def commands_between(self, first: int, begun_ns: int, ended_ns: int) -> list[Command]:
+        """Commands of a time, from the one at place `first` on."""
+        return [command for command in self.commands[first:] if begun_ns <= command.stamp_ns <= ended_ns]
+
     def until(self, happened: Callable[[], object], seconds: float) -> bool:
         """Let time pass until something has happened; whether it did within so many seconds of that time."""
         deadline_ns = self.now_ns() + round(seconds * 1e9)
@@ -118,7 +123,7 @@ class Room(ABC):
             SetupError: It never does, or a node has ended.
         """
         deadline_s = time.monotonic() + START_S
-        while not self.follows:
+        while not (self._is_occupied and self.follows):
             self._nodes.check()
             if time.monotonic() > deadline_s:
                 raise SetupError(
@@ -140,6 +145,10 @@ class Room(ABC):
 
     def _begin(self, fault: Fault) -> None:
         self._begun_ns, self._first, self._fault = self.now_ns(), self._measured, fault
+
+    def has_said(self, name: str, words: str) -> bool:
+        """Whether a node has printed `words`."""
+        return self._nodes.has_said(name, words)
 
     def counts(self) -> dict[str, int]:
         """Everything that the newest diagnostics count; of all nodes together."""
@@ -164,12 +173,19 @@ class Room(ABC):
 
     def _see(self, due_ns: int) -> list[bytes]:
         """The tracker's messages at a time."""
+        if not self._is_occupied:
+            return []
         frame = self.human.seen(due_ns)
         if self._fault is None:
             people: tuple[People, ...] = ((frame,),)
         else:
             people = self._fault.tracker(frame, (due_ns - self._begun_ns) * 1e-9)
         return [self._encoded.message(everyone) for everyone in people]
+
+    @property
+    def _is_occupied(self) -> bool:
+        """Whether the person has come: when all nodes have spoken."""
+        return self._names <= self._reports.keys()
 
     @property
     def _period_ns(self) -> int:
@@ -187,6 +203,7 @@ class Room(ABC):
         return told is not None
 
     def _on_command(self, message: Any) -> None:
+        self._heard += 1
         stamp_ns = ns_from_msg(message.header.stamp)
         self.commands.append(Command(stamp_ns, tuple(message.position), tuple(message.velocity)))
 

@@ -3,20 +3,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from mild_core.shapes import FloatArray
-from mild_ros.faults.judge import problems
+from mild_ros.faults.judge import Command, problems
 from mild_ros.faults.live_room import LiveRoom
 from mild_ros.faults.replayed_room import ReplayedRoom
 from mild_ros.faults.room import ROBOT, Room
-from mild_ros.faults.table import Fault
-from mild_ros.processes import Nodes
+from mild_ros.faults.table import Answer, Fault
+from mild_ros.processes import Nodes, private_domain
 
 RECOVERY_S = 30.0
 """Within this time all is well again. A person who is calibrated anew needs four seconds, a node that is started as
@@ -37,8 +38,8 @@ class Outcome:
     Attributes:
         fault: The fault.
         wrong: All that went wrong, for people; empty when the system survived it.
-        rest_s: How long after its begin the robot moved last, or when it ceased to follow before giving way; None
-            when it went on.
+        rest_s: How long after its begin the robot came to rest, or ceased to follow before giving way; None when it
+            went on.
         recovery_s: How long after its end the robot followed again; None when it never did.
         counted: How much each of the fault's counters rose.
         commands: How many commands were judged.
@@ -65,6 +66,19 @@ def running_room(live: bool, log_folder: Path, domain: int) -> Iterator[Room]:
         yield room
 
 
+def all_tried(faults: Sequence[Fault], log_folder: Path) -> Iterator[Outcome]:
+    """Let faults happen one after the other, in as few rooms as will do, each in a domain of its own.
+
+    Raises:
+        SetupError: The nodes do not start.
+    """
+    for live in (False, True):
+        of_room = [fault for fault in faults if fault.live is live]
+        if of_room:
+            with private_domain() as domain, running_room(live, log_folder, domain) as room:
+                yield from (tried(room, fault) for fault in of_room)
+
+
 def tried(room: Room, fault: Fault) -> Outcome:
     """Let a fault happen to a robot that follows, and wait until all is well again."""
     if not room.until(lambda: room.follows, RECOVERY_S):
@@ -74,41 +88,42 @@ def tried(room: Room, fault: Fault) -> Outcome:
         end_ns = begun_ns + round(fault.lasts_s * 1e9)
         room.until(lambda: room.now_ns() >= end_ns, 2.0 * fault.lasts_s)
         put_rad = room.heard_rad
-    ended_ns, last = room.now_ns(), len(room.commands)
-    recovered = room.until(lambda: room.now_ns() > ended_ns and room.follows, RECOVERY_S)
-    recovery_s = (room.now_ns() - ended_ns) * 1e-9 if recovered else None
+    ended_ns = room.now_ns()
+    recovered = room.until(lambda: room.follows and room.commands[-1].stamp_ns > ended_ns, RECOVERY_S)
+    recovery_s = (room.commands[-1].stamp_ns - ended_ns) * 1e-9 if recovered else None
     room.read_reports()
     after = room.counts()
     counted = {key: after.get(key, 0) - before.get(key, 0) for key in fault.counted}
     wrong = problems(ROBOT, room.commands[max(first - 3, 0) :])
     wrong += [f"{key} was not counted" for key, rise in counted.items() if rise <= 0]
     wrong += [] if recovered else [f"no recovery within {RECOVERY_S:g} s: {room.mode}"]
-    rest_s, complaint = _answer(room, fault, begun_ns, ended_ns, slice(first, last), put_rad)
-    wrong += [complaint] if complaint else []
+    left_ns = next((at for at, mode in room.modes if begun_ns < at <= ended_ns and mode != "following"), None)
+    during = room.commands_between(first, begun_ns, ended_ns)
+    rest_s = _rest_s(fault.answer, during, begun_ns, left_ns)
+    wrong += _complaints(fault, during, rest_s, put_rad)
     return Outcome(fault, tuple(wrong), rest_s, recovery_s, counted, len(room.commands) - first)
 
 
-def _answer(
-    room: Room, fault: Fault, begun_ns: int, ended_ns: int, during: slice, put_rad: FloatArray
-) -> tuple[float | None, str]:
-    """When the robot rested, and what is wrong with how it answered; "" for nothing."""
-    left_ns = next((at for at, mode in room.modes if begun_ns < at <= ended_ns and mode != "following"), None)
-    moving_ns = [command.stamp_ns for command in room.commands[during] if command.moves]
+def _rest_s(answer: Answer, during: Sequence[Command], begun_ns: int, left_ns: int | None) -> float | None:
+    """When the robot came to rest, or where it goes on or gives way, when it ceased to follow; None for never."""
+    if answer in ("goes on", "gives way"):
+        return None if left_ns is None else (left_ns - begun_ns) * 1e-9
+    moving_ns = [begun_ns, *(command.stamp_ns for command in during if command.moves)]
+    pauses = [before for before, after in pairwise(moving_ns) if after - before > A_WHILE_NS]
+    rested_ns = pauses[0] if pauses and answer == "rests for a while" else moving_ns[-1]
+    return (rested_ns - begun_ns) * 1e-9
+
+
+def _complaints(fault: Fault, during: Sequence[Command], rest_s: float | None, put_rad: FloatArray) -> Iterator[str]:
+    """What is wrong with how the robot answered."""
     if fault.answer == "goes on":
-        if left_ns is not None:
-            return None, f"the robot stopped following after {(left_ns - begun_ns) * 1e-9:.2f} s"
-        return None, "" if moving_ns else "the robot did not move"
-    if fault.answer == "gives way":
-        way = [np.abs(np.subtract(command.positions_rad, put_rad)).max() for command in room.commands[during]]
-        rest_s = None if left_ns is None else (left_ns - begun_ns) * 1e-9
-        if not way or min(way) > BESIDE_RAD:
-            return rest_s, "the robot does not go where it was put"
-    else:
-        if fault.answer == "rests for a while":
-            moving_ns = moving_ns[
-                : next((place for place, ns in enumerate(np.diff(moving_ns)) if ns > A_WHILE_NS), 0) + 1
-            ]
-        rest_s = max(0.0, (max(moving_ns, default=begun_ns) - begun_ns) * 1e-9)
+        if rest_s is not None:
+            yield f"the robot ceased to follow after {rest_s:.2f} s"
+        if not any(command.moves for command in during):
+            yield "the robot did not move"
+        return
     if rest_s is None or rest_s > fault.within_s:
-        return rest_s, f"not at rest within {fault.within_s:g} s, but after {rest_s or fault.lasts_s:.2f} s"
-    return rest_s, ""
+        yield f"no rest within {fault.within_s:g} s but after {rest_s or fault.lasts_s:.2f} s"
+    beside = [np.abs(np.subtract(command.positions_rad, put_rad)).max() < BESIDE_RAD for command in during]
+    if fault.answer == "gives way" and not any(beside):
+        yield "the robot does not go where it was put"

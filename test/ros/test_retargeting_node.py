@@ -68,6 +68,16 @@ def follow(bench: Motions, target: np.ndarray, done: Callable[[], Any], what: st
     bench.probe.until(sent, what)
 
 
+def obeyed(bench: Motions, done: Callable[[], Any], what: str) -> None:
+    """The robot goes on saying where it is until something has happened."""
+
+    def said() -> Any:
+        bench.obey()
+        return done()
+
+    bench.probe.until(said, what)
+
+
 TARGET = YUMI.home_rad + 0.3
 
 
@@ -89,9 +99,9 @@ def test_it_follows_and_holds_and_goes_home(start: Callable[..., NodeProcess], b
     # Rounding of stamps to a nanosecond over steps of at least 0.1 ms.
     assert np.all(np.abs(speeds) <= YUMI.velocity_rad_s * (1 + 1e-4))
 
-    bench.until_status(WARN, "holding")
-    bench.probe.until(lambda: bench.commands_reach(YUMI.home_rad), "home again")
-    bench.probe.until(lambda: bench.status()[2]["mode"] == "idle", "ready again")
+    bench.until_status(WARN, "holding", bench.obey)
+    obeyed(bench, lambda: bench.commands_reach(YUMI.home_rad), "home again")
+    obeyed(bench, lambda: bench.status()[2]["mode"] == "idle", "ready again")
     values = bench.until_status(WARN, "no motion for")
     assert int(values["retargeting accepted"]) > 5
     assert int(values["retargeting held_stale"]) == 1
@@ -110,7 +120,7 @@ def test_the_operator_is_obeyed(start: Callable[..., NodeProcess], bench: Motion
     np.testing.assert_allclose(bench.commands[-1].position, held_at, atol=0.01)  # it stood there already
     assert bench.probe.call(SetBool, "/retargeting/hold", SetBool.Request(data=False)).success
     assert bench.probe.call(Trigger, "/retargeting/reset", Trigger.Request()).success
-    bench.probe.until(lambda: bench.commands_reach(YUMI.home_rad), "home after reset")
+    obeyed(bench, lambda: bench.commands_reach(YUMI.home_rad), "home after reset")
     assert bench.probe.call(SetBool, "/retargeting/enable", SetBool.Request(data=False)).success
     bench.until_status(WARN, "")
     bench.probe.until(lambda: bench.status()[2]["mode"] == "disabled", "disabled")
