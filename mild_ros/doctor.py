@@ -3,15 +3,18 @@
 
 from __future__ import annotations
 
+import json
 import os
+import platform
 import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 from mild_core.errors import MildError
 from mild_core.inference.model import load_model
@@ -24,25 +27,10 @@ LEAST_SHARED_MEMORY_MB = 16
 """Fast DDS takes some MB per process and falls back to UDP without; below this it fails now and then."""
 
 DISCOVERY_PATIENCE_S = 20.0
+MACHINES_PATIENCE_S = 30.0
 
-HEAR_EACH_OTHER = """
-import sys, time, rclpy
-from std_msgs.msg import String
-rclpy.init(args=[])
-node = rclpy.create_node("doctor_" + sys.argv[1])
-heard = []
-node.create_subscription(String, "mild_doctor_" + sys.argv[2], heard.append, 10)
-sender = node.create_publisher(String, "mild_doctor_" + sys.argv[1], 10)
-end = time.monotonic() + float(sys.argv[3])
-after = 0
-while time.monotonic() < end and after < 20:
-    sender.publish(String(data="hello"))
-    rclpy.spin_once(node, timeout_sec=0.05)
-    after += bool(heard)
-rclpy.try_shutdown()
-sys.exit(0 if heard else 1)
-"""
-"""A program that says hello until it has heard the other one, and a little longer for the other one's sake."""
+REPORT_PATIENCE_S = 3.0
+"""Nodes report once a second; discovery takes its time."""
 
 
 @dataclass(frozen=True)
@@ -125,15 +113,56 @@ def log_folder() -> Finding:
 
 def discovery() -> Finding:
     """Whether two processes hear each other over DDS."""
-    command = [sys.executable, "-c", HEAR_EACH_OTHER]
-    pairs = (("one", "two"), ("two", "one"))
-    patience = str(DISCOVERY_PATIENCE_S)
-    talkers = [subprocess.Popen([*command, *pair, patience], stderr=subprocess.PIPE) for pair in pairs]
-    ends = [(talker.communicate()[1], talker.returncode) for talker in talkers]
-    failures = [text.decode(errors="replace").strip().splitlines() for text, code in ends if code]
-    said = next((lines[-1] for lines in failures if lines), f"nothing heard in {DISCOVERY_PATIENCE_S:.0f} s")
+    names = (f"one_{os.getpid()}", f"two_{os.getpid()}")
+    ends = _heard(*(("hello", own, DISCOVERY_PATIENCE_S, other) for own, other in (names, names[::-1])))
+    deaf = [said for said, other in zip(ends, reversed(names), strict=True) if other not in said]
+    said = deaf[0] if deaf and isinstance(deaf[0], str) else f"nothing heard in {DISCOVERY_PATIENCE_S:.0f} s"
     remedy = "allow multicast on lo (ip link set lo multicast on), or set ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST"
-    return Finding("Discovery", not failures, said if failures else "two processes hear each other", remedy)
+    return Finding("Discovery", not deaf, said if deaf else "two processes hear each other", remedy)
+
+
+def other_machines() -> Finding:
+    """Whether a doctor on another machine is heard; only when it is asked for."""
+    (names,) = _heard(("hello", platform.node(), MACHINES_PATIENCE_S))
+    if isinstance(names, str):
+        return Finding("Other machines", False, names, "see docs/troubleshooting.md")
+    seen = f"{platform.node()} hears {', '.join(names)}" if names else f"none heard in {MACHINES_PATIENCE_S:.0f} s"
+    remedy = (
+        "run it on both at once; the same ROS_DOMAIN_ID, range SUBNET and multicast on both,"
+        " or ROS_STATIC_PEERS with the other's address; a firewall must let UDP 7400 and up pass"
+    )
+    return Finding("Other machines", bool(names), seen, remedy)
+
+
+def running_nodes() -> Finding:
+    """What the nodes of this domain say of themselves: rates, frames and all else that is wrong."""
+    (found,) = _heard(("reports", REPORT_PATIENCE_S))
+    if not isinstance(found, dict):
+        return Finding("Running nodes", False, str(found), "see docs/troubleshooting.md")
+    if not found:
+        where = os.environ.get("ROS_DOMAIN_ID", "0")
+        return Finding("Running nodes", True, f"none reports in domain {where}")
+    told = {}
+    for name, report in found.items():
+        rates = {key: value for key, value in report["values"].items() if key.endswith(" rate [Hz]")}
+        flowing = ", ".join(f"{key.removesuffix(' rate [Hz]')} {value} Hz" for key, value in rates.items())
+        told[name] = f"{name}: {report['message']}" + (f" ({flowing})" if flowing else "")
+    unwell = [told[name] for name, report in found.items() if report["level"]]
+    return Finding("Running nodes", not unwell, "; ".join(unwell or told.values()), "see docs/troubleshooting.md")
+
+
+def _heard(*questions: tuple[object, ...]) -> list[Any]:
+    """The answers of `mild_ros.hearing`, asked all at once; of one that failed, the last line that it said."""
+    command = [sys.executable, "-m", "mild_ros.hearing"]
+    asked = [
+        subprocess.Popen([*command, *map(str, words)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        for words in questions
+    ]
+    ends = [(process.communicate(), process.returncode) for process in asked]
+    return [
+        json.loads(out) if code == 0 else ([*error.strip().splitlines(), ""])[-2:][0] or f"ended with code {code}"
+        for (out, error), code in ends
+    ]
 
 
 def models() -> Finding:
@@ -149,11 +178,10 @@ def models() -> Finding:
 
 
 EXAMINATIONS: tuple[Callable[[], Finding], ...] = (
-    *(python, libraries, distribution, domain, shared_memory, log_folder, discovery, models),
+    *(python, libraries, distribution, domain, shared_memory, log_folder, discovery, running_nodes, models),
 )
 
 
-def examine() -> Iterator[Finding]:
-    """Look at one thing after the other."""
-    for examination in EXAMINATIONS:
-        yield examination()
+def examinations(*, machines: bool = False) -> tuple[Callable[[], Finding], ...]:
+    """What is looked at; with `machines` also for a doctor on another one."""
+    return (*EXAMINATIONS, other_machines) if machines else EXAMINATIONS

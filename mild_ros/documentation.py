@@ -14,6 +14,8 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
+from rclpy.qos import DurabilityPolicy
+
 from mild_core.errors import SetupError, unknown_name
 from mild_core.perception.skeletons import SOURCES, SkeletonSource
 from mild_ros.bag_settings import RecordParameters, ReplayParameters
@@ -21,6 +23,16 @@ from mild_ros.command_line.main import COMMANDS
 from mild_ros.demonstrations.settings import CutParameters
 from mild_ros.messages.skeletons import ADAPTERS
 from mild_ros.parameters import table_markdown
+from mild_ros.quality_of_service import (
+    BETWEEN_STAGES,
+    CLOCK,
+    COMMAND,
+    FATE,
+    LATCHED,
+    SENSOR,
+    STATE,
+    STATIC_TRANSFORMS,
+)
 from mild_ros.settings import NODES
 
 PLACE = re.compile(r"(<!-- generated: ([a-z_]+) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
@@ -103,15 +115,46 @@ TOPICS = (
         "a hint: 1 while the arm moves by itself, down to 0.3 while hands touch; kept for late comers",
     ),
     Topic(
+        *("markers", "visualization_msgs/MarkerArray", "markers", "people"),
+        "both hands, the predicted way of the robot's and what each component expects, for RViz and Foxglove",
+    ),
+    Topic(
         *("handled", "std_msgs/Header", "every stage", "replay"),
         "the fate of each input, for a replay in lock-step; only with `report_handled`",
     ),
+    Topic("/mild_doctor", "std_msgs/String", "doctor", "doctor", "names, for as long as `mild doctor` looks"),
     Topic("/clock", "rosgraph_msgs/Clock", "replay", "every stage", "the time in the bag, for `use_sim_time`"),
     Topic(
         "/diagnostics", "diagnostic_msgs/DiagnosticArray", "every stage", "operators", "rates, ages, drops by reason"
     ),
 )
 """Of all nodes; where the stages share one process, `pipeline` stands for the three."""
+
+
+DELIVERY = {
+    "SENSOR": ("skeletons, `joint_states` where they are taken", SENSOR),
+    "STATE": ("`joint_states` and `camera/image_raw` of the simulation", STATE),
+    "BETWEEN_STAGES": (
+        "`feature_window`, `person`, `motion`, `motion_state`, `belief`, `markers`; all of a replay",
+        BETWEEN_STAGES,
+    ),
+    "COMMAND": ("`joint_command`, `joint_trajectory`, `position_command`, `joint_angles`", COMMAND),
+    "LATCHED": ("`interaction`, `mode`, `stiffness`, `robot_description`", LATCHED),
+    "STATIC_TRANSFORMS": ("`/tf_static`", STATIC_TRANSFORMS),
+    "FATE": ("`handled`", FATE),
+    "CLOCK": ("`/clock` where it is taken", CLOCK),
+}
+"""How each topic is delivered, by the name in `quality_of_service`."""
+
+
+def qualities_markdown() -> str:
+    """Quality of service by topic."""
+    lines = ["| Topics | Reliability | Kept for late comers | Depth |", "|---|---|---|---:|"]
+    for topics, quality in DELIVERY.values():
+        reliability = quality.reliability.name.lower().replace("_", " ")
+        kept = "yes" if quality.durability is DurabilityPolicy.TRANSIENT_LOCAL else "no"
+        lines.append(f"| {topics} | {reliability} | {kept} | {quality.depth} |")
+    return "\n".join(lines) + "\n"
 
 
 def topics_markdown() -> str:
@@ -174,6 +217,7 @@ SECTIONS: dict[str, Callable[[], str]] = {
     "parameters": parameters_markdown,
     "commands": commands_markdown,
     "sources": sources_markdown,
+    "qualities": qualities_markdown,
     "cut": partial(table_markdown, CutParameters),
 }
 """What may stand between the marks, by name."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from mild_core.perception.settings import PerceptionSettings
 from mild_core.retargeting.settings import MIXES, RetargetingSettings
 from mild_ros.controller_settings import ControllerParameters
+from mild_ros.marker_settings import MarkersParameters
 from mild_ros.parameters import parameter
 from mild_ros.tracker_settings import TrackerParameters
 
@@ -176,5 +177,6 @@ NODES = {
     "retargeting": RetargetingParameters,
     "pipeline": PipelineParameters,
     "simulation": SimulationParameters,
+    "markers": MarkersParameters,
 }
 """Parameters by node."""

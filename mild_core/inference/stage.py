@@ -149,6 +149,28 @@ class Inference:
         state = InferenceState(recognition, copies, strayed, counts, "accepted", "", window.stamp_ns, index)
         return state, (motion,)
 
+    def by_component(self, state: InferenceState, window: FeatureWindow) -> tuple[MotionWindow, ...]:
+        """What each component of the likeliest interaction alone expects, for people to look at.
+
+        Args:
+            state: Before the window that `step` takes; nothing is remembered.
+            window: At the model's rate.
+
+        Raises:
+            DataError: The window cannot be used.
+        """
+        self._check(state, window)
+        before, index, _ = self._in_time(state, window.stamp_ns)
+        found = self._observe(before, index % len(before.copies), index, window)
+        recognition = self._recognise(before.recognition, found)
+        motions = []
+        for alone in np.eye(found[0].weights.shape[1]):
+            sure = [seen._replace(weights=np.tile(alone, (len(seen.weights), 1))) for seen in found]
+            label = recognition.probabilities
+            generated = [m.generate(seen, label) for m, seen in zip(self._members, sure, strict=True)]
+            motions.append(self._motion(window, recognition, 0.0, _combined(generated)))
+        return tuple(motions)
+
     def _check(self, state: InferenceState, window: FeatureWindow) -> None:
         """Raise DataError unless the window can be used."""
         manifest = self.model.manifest

@@ -10,12 +10,15 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from mild_ros.doctor import examine
+from mild_ros.doctor import examinations
 
 UNWELL = 1
 
 
 def doctor(
+    machines: Annotated[
+        bool, typer.Option("--machines", help="Also: is a doctor on another machine heard? Run it on both at once.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="The findings as one JSON array.")] = False,
 ) -> None:
     """Checks this machine's Python, ROS 2 and network and says what to do.
@@ -24,11 +27,17 @@ def doctor(
 
         mild doctor
 
+    Nodes that run in the domain of this terminal are asked too: a rate that is too low, a tf frame or a topic that is
+    not there, a second commander are told in their own words. Between machines, at the same time on both:
+
+        mild doctor --machines
+
     Ends with exit code 1 where something is not well.
     """
     console = Console(highlight=False)
     findings = []
-    for finding in examine():
+    for examination in examinations(machines=machines):
+        finding = examination()
         findings.append(finding)
         if not as_json:
             console.print(f"{'[green]✓[/]' if finding.well else '[red]✗[/]'} {finding.subject}: {finding.seen}")

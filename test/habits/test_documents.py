@@ -10,10 +10,15 @@ from pathlib import Path
 import pytest
 
 from mild_core.errors import SetupError
+from mild_core.perception import stage
 from mild_ros.command_line.main import COMMANDS
 from mild_ros.controllers import OUTPUTS
-from mild_ros.documentation import SECTIONS, TOPICS, filled
+from mild_ros.diagnostics import UNREMARKABLE
+from mild_ros.documentation import DELIVERY, SECTIONS, TOPICS, filled
 from test.habits.tree import ROOT, called, files, parse, plant, python_files
+
+OUTCOMES = (stage.__doc__ or "").split("Beside them")[0].split("outcome,", 1)[-1]
+"""What perception says of its outcomes."""
 
 DOCUMENTS = [path for path in files(ROOT) if path.suffix == ".md"]
 
@@ -35,10 +40,15 @@ def broken_links(path: Path) -> list[str]:
     return [name for name in names if not (path.parent / name).exists()]
 
 
+def _nodes(root: Path) -> list[Path]:
+    """Files of the shell; `faults` plays other people's nodes."""
+    return [path for path in python_files(root, "mild_ros") if path.parent.name != "faults"]
+
+
 def topics_in_code(root: Path) -> set[tuple[str, str]]:
     """Name and type of every topic that the shell publishes or subscribes to under a fixed name."""
     found = set()
-    for path in python_files(root, "mild_ros"):
+    for path in _nodes(root):
         tree = parse(path)
         texts = {
             node.targets[0].id: node.value.value
@@ -97,6 +107,33 @@ def test_topics_are_found_in_code(tmp_path: Path) -> None:
     )
     plant(tmp_path, "mild_ros/a.py", "\n".join(lines))
     assert topics_in_code(tmp_path) == {("a", "std_msgs/String"), ("b", "by `source`")}
+
+
+def test_the_table_of_deliveries_is_the_code() -> None:
+    """Every topic with a fixed name stands in the row of the quality of service that the code gives it."""
+    for path in _nodes(ROOT):
+        for call in (node for node in ast.walk(parse(path)) if isinstance(node, ast.Call)):
+            kind = called(call).split(".")[-1]
+            if kind in ("create_publisher", "create_subscription") and isinstance(call.args[1], ast.Constant):
+                name, quality = call.args[1].value, ast.unparse(call.args[-1])
+                if quality in DELIVERY and name != "/clock":  # of which a replay sends every tick reliably
+                    assert f"`{name}`" in DELIVERY[quality][0], f"{path.name}: {name} with {quality}"
+
+
+def reasons_in_code() -> set[str]:
+    """Every reason for which an input is not used, as diagnostics count it."""
+    found = set()
+    for path in python_files(ROOT, "mild_core", "mild_ros"):
+        for call in (node for node in ast.walk(parse(path)) if isinstance(node, ast.Call)):
+            if called(call) == "DataError" and isinstance(call.args[0], ast.Constant):
+                found.add(str(call.args[0].value))
+    return found
+
+
+def test_every_reason_is_explained_to_operators() -> None:
+    explained = (ROOT / "docs/diagnostics.md").read_text()
+    outcomes = set().union(*UNREMARKABLE.values()) | set(re.findall(r"\b[a-z]+_[a-z_]+\b|\bmoving\b", OUTCOMES))
+    assert [name for name in sorted(reasons_in_code() | outcomes) if f"`{name}`" not in explained] == []
 
 
 def test_the_table_of_topics_is_the_code() -> None:

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`markers`: for people who look on: both hands, the predicted way of the robot's, and what each component expects.
+
+It infers once more, by itself, so the robot waits for none of this.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+from rclpy.node import Node
+from sensor_msgs.msg import JointState, PointCloud2
+from visualization_msgs.msg import MarkerArray
+
+from mild_core.errors import DataError
+from mild_core.retargeting.person import Standing
+from mild_core.signals import PersonPose
+from mild_ros.assembly.inference import load, make_inference
+from mild_ros.assembly.robot import check_fit, make_robot
+from mild_ros.diagnostics import Diagnostics
+from mild_ros.marker_settings import MarkersParameters
+from mild_ros.markers import PERSON_COLOUR, Drawing
+from mild_ros.messages.feature_window import feature_window_from_msg
+from mild_ros.messages.joint_state import joint_measurement_from_msg
+from mild_ros.messages.person import person_from_msg
+from mild_ros.parameters import declare
+from mild_ros.quality_of_service import BETWEEN_STAGES, SENSOR
+from mild_ros.running import run
+from mild_ros.settings import InferenceParameters
+
+PERIOD_S = 0.1
+
+
+class MarkersNode(Node):
+    """What the pipeline sees and expects, ten times a second."""
+
+    def __init__(self) -> None:
+        super().__init__("markers")
+        given = declare(self, MarkersParameters)
+        model = load(given.model)
+        manifest = model.manifest
+        self._robot = make_robot(given.robot, given.robot_description)
+        check_fit(given.model, manifest.controlled, self._robot)
+        self._joint_names = manifest.observed.joint_names
+        self._stage = make_inference(InferenceParameters(model=given.model, interaction=given.interaction), model)
+        self._state = self._stage.init()
+        there = manifest.robot_from_human
+        self._standing = Standing(there.translation_m, there.yaw_rad, there.by_interaction)
+        self._drawing = Drawing(self._robot)
+        self._told_s = 0.0
+        self._person: PersonPose | None = None
+        self._diagnostics = Diagnostics(self, expected=("feature_window",))
+        self._markers = self.create_publisher(MarkerArray, "markers", BETWEEN_STAGES)
+        self.create_subscription(PointCloud2, "feature_window", self._on_window, BETWEEN_STAGES)
+        self.create_subscription(PointCloud2, "person", self._on_person, BETWEEN_STAGES)
+        self.create_subscription(JointState, "joint_states", self._on_joint_states, SENSOR)
+        self._joints = np.full(len(self._robot.joint_names), np.nan)
+
+    def _on_person(self, message: Any) -> None:
+        try:
+            self._person = person_from_msg(message)
+        except DataError as error:
+            self._diagnostics.unreadable("person", error.reason, error.detail)
+
+    def _on_joint_states(self, message: Any) -> None:
+        try:
+            measured = joint_measurement_from_msg(message)
+        except DataError as error:
+            self._diagnostics.unreadable("joint_states", error.reason, error.detail)
+            return
+        places = dict(zip(measured.joint_names, measured.positions_rad.tolist(), strict=True))
+        self._joints = np.array([places.get(name, np.nan) for name in self._robot.joint_names])
+
+    def _on_window(self, message: Any) -> None:
+        self._diagnostics.flowed("feature_window")
+        try:
+            window = feature_window_from_msg(message, self._joint_names)
+        except DataError as error:
+            self._diagnostics.unreadable("feature_window", error.reason, error.detail)
+            return
+        before = self._state
+        self._state, motions = self._stage.step(before, window, 0)
+        self._diagnostics.ended("inference", self._state.outcome, self._state.counts, self._state.detail)
+        if not motions or time.monotonic() - self._told_s < PERIOD_S or not self._markers.get_subscription_count():
+            return
+        self._told_s, (motion,) = time.monotonic(), motions
+        now_ns, draw = self.get_clock().now().nanoseconds, self._drawing
+        markers = draw.predicted(motion, now_ns) + draw.robot_hand(self._joints, now_ns)
+        markers += draw.components(self._stage.by_component(before, window), motion.belief, now_ns)
+        if self._person is not None:
+            standing = self._standing.place(motion.interaction, None, 0.0)
+            hand = self._standing.placed(self._person.hand_m, self._person.frame_id, standing)
+            markers += draw.hand("person_hand", PERSON_COLOUR, hand, now_ns)
+        self._markers.publish(MarkerArray(markers=markers))
+
+
+def main() -> int:
+    """The executable."""
+    return run("markers", MarkersNode, MarkersParameters)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
