@@ -19,15 +19,15 @@ from torch import Tensor, nn
 
 from mild_core.errors import DatasetError
 from mild_core.inference.priors import PRIORS
-from mild_core.inference.priors.prior import FitSettings, Prior
+from mild_core.inference.priors.prior import FitSettings
 from mild_core.learning.carry_over import carry_over
 from mild_core.learning.coordinates import Coordinates, plain_coordinates, principal_coordinates
 from mild_core.learning.corpus import Corpus, WindowBatch, bend, corpus_of, cut_tracks
 from mild_core.learning.demonstration import Demonstration
-from mild_core.learning.latent_prior import LatentPrior, latent_prior
-from mild_core.learning.objective import Objective, Terms
+from mild_core.learning.objective import Objective
 from mild_core.learning.recogniser import Recogniser, train_recogniser
 from mild_core.learning.settings import Augmentation, TrainingSettings
+from mild_core.learning.snapshot import FittedPriors, Learner, Snapshot
 from mild_core.learning.trained import TrainedMember, TrainedModel
 from mild_core.learning.vae import MemberNetworks
 from mild_core.learning.windows import Protocol
@@ -55,6 +55,7 @@ class EpochReport:
         controlled: Mean error of the robot's own window.
         divergence: Mean divergence of both posteriors from the prior [nats].
         log_likelihood: Of the latents under the prior, by step [nats]; NaN while the prior is not re-estimated.
+        snapshot: What to go on from after it.
     """
 
     member: int
@@ -66,6 +67,7 @@ class EpochReport:
     controlled: float
     divergence: float
     log_likelihood: float
+    snapshot: Snapshot
 
 
 def train(
@@ -75,6 +77,7 @@ def train(
     seed: int,
     interactions: Sequence[str] = (),
     start: Mapping[str, NDArray[Any]] | None = None,
+    resume: Sequence[Snapshot] = (),
 ) -> Generator[EpochReport, None, TrainedModel]:
     """Train all members, one after the other.
 
@@ -85,6 +88,7 @@ def train(
         seed: Of all draws.
         interactions: All that the model shall know, by label; default: those demonstrated, in order.
         start: Layers of another model to start from, see `carry_over`.
+        resume: The newest snapshot of each member that an interrupted run of the same had begun, in order.
 
     Yields:
         A report after each epoch.
@@ -93,7 +97,7 @@ def train(
         What was learned.
 
     Raises:
-        ValueError: There is no demonstration.
+        ValueError, KeyError, RuntimeError: There is no demonstration, or a snapshot is of something else.
         DatasetError: One is too short for the prior's components.
 
     Source: Algorithm 1 of MILD.
@@ -103,7 +107,10 @@ def train(
     corpus = corpus_of(demonstrations, protocol, interactions)
     members = []
     for member in range(settings.members):
-        members.append((yield from _train_member(corpus, settings, seed, member, start or {})))
+        learner, objective = _learner(corpus, settings, seed, member, start or {})
+        if member < len(resume):
+            learner.go_on_from(resume[member], settings, interactions)
+        members.append((yield from _train_member(corpus, objective, learner, seed, member)))
     return TrainedModel(corpus.protocol, settings, seed, interactions, tuple(members))
 
 
@@ -135,9 +142,10 @@ def drawing_from(*numbers: int) -> Iterator[None]:
         yield
 
 
-def _train_member(
+def _learner(
     corpus: Corpus, settings: TrainingSettings, seed: int, member: int, start: Mapping[str, NDArray[Any]]
-) -> Generator[EpochReport, None, TrainedMember]:
+) -> tuple[Learner, Objective]:
+    """A member before its first epoch, and what it shall minimise."""
     question, answer = window_coordinates(corpus, settings)
     labels = len(corpus.interactions)
     with drawing_from(seed, member):
@@ -145,33 +153,39 @@ def _train_member(
             settings.architecture, question.size, answer.size, labels, settings.prior.components, settings.dropout
         )
     carry_over(networks, start)
-    objective = Objective(settings, question, answer, labels)
     optimiser = torch.optim.AdamW(networks.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay)
-    priors: dict[str, Prior] = {}
-    prior: LatentPrior | None = None
-    average: dict[str, Tensor] = {}
+    return Learner(networks, optimiser), Objective(settings, question, answer, labels)
+
+
+def _train_member(
+    corpus: Corpus, objective: Objective, learner: Learner, seed: int, member: int
+) -> Generator[EpochReport, None, TrainedMember]:
+    settings, networks = objective.settings, learner.networks
     frozen = round(settings.prior.frozen_from * settings.epochs)
-    for epoch in range(settings.epochs):
+    for epoch in range(learner.epochs, settings.epochs):
         if epoch == settings.observed_epochs and epoch:
             networks.start_controlled_from_observed()
-            priors, prior = {}, None
-        for group in optimiser.param_groups:
+            learner.fitted = None
+        for group in learner.optimiser.param_groups:
             group["lr"] = settings.learning_rate * _rate(settings, epoch)
         with drawing_from(seed, member, epoch):
-            terms = _pass(networks, objective, optimiser, corpus, prior, epoch < settings.observed_epochs)
+            terms = _pass(learner, objective, corpus, epoch < settings.observed_epochs)
         log_likelihood = math.nan
         due = epoch % settings.prior.every == 0 or epoch == settings.observed_epochs or epoch >= frozen - 1
-        if prior is None or (epoch < frozen and due):
-            priors, prior, log_likelihood = _refit(networks, objective, corpus, priors)
+        if learner.fitted is None or (epoch < frozen and due):
+            learner.fitted, log_likelihood = _refit(networks, objective, corpus, learner.fitted)
         if settings.averaging and epoch >= frozen:
-            average = _averaged(average, networks, settings.averaging)
-        yield EpochReport(member, settings.members, epoch, settings.epochs, *terms, log_likelihood)
-    if average:
-        networks.load_state_dict(average)
+            learner.average_in(settings.averaging)
+        learner.epochs = epoch + 1
+        snapshot = learner.snapshot()
+        yield EpochReport(member, settings.members, epoch, settings.epochs, *terms, log_likelihood, snapshot)
+    if learner.average:
+        networks.load_state_dict(learner.average)
     networks.eval()
-    assert prior is not None  # every epoch without one ends by making it
+    assert learner.prior is not None  # every epoch without one ends by making it
     with drawing_from(seed, member, settings.epochs):
-        return TrainedMember(networks, prior, question, answer, _recogniser(corpus, settings))
+        recogniser = _recogniser(corpus, settings)
+    return TrainedMember(networks, learner.prior, objective.question, objective.answer, recogniser)
 
 
 def _recogniser(corpus: Corpus, settings: TrainingSettings) -> Recogniser | None:
@@ -206,15 +220,10 @@ def _coordinates(windows: Tensor, count: int, whitening: float) -> Coordinates:
 
 
 def _pass(
-    networks: MemberNetworks,
-    objective: Objective,
-    optimiser: torch.optim.Optimizer,
-    corpus: Corpus,
-    prior: LatentPrior | None,
-    observed_only: bool,
+    learner: Learner, objective: Objective, corpus: Corpus, observed_only: bool
 ) -> tuple[float, float, float, float]:
     """One epoch: every trial, `copies` times, bent anew. Returns the mean terms."""
-    settings = objective.settings
+    settings, networks, optimiser, prior = objective.settings, learner.networks, learner.optimiser, learner.prior
     tracks, phase = corpus.tracks, 0
     if settings.augmentation is not None:
         tracks = bend(tracks, settings.augmentation)
@@ -233,34 +242,30 @@ def _pass(
         terms.total(settings.weights).backward()  # type: ignore[no-untyped-call]  # torch does not type it
         nn.utils.clip_grad_norm_(networks.parameters(), settings.largest_gradient)
         optimiser.step()
-        sums += _values(terms)
+        sums += torch.stack([terms.prediction, terms.observed, terms.controlled, terms.divergence]).detach()
     prediction, observed, controlled, divergence = (sums / len(batches)).tolist()
     return prediction, observed, controlled, divergence
 
 
-def _values(terms: Terms) -> Tensor:
-    """(4,) the terms without their gradients."""
-    return torch.stack([terms.prediction, terms.observed, terms.controlled, terms.divergence]).detach()
-
-
 def _refit(
-    networks: MemberNetworks, objective: Objective, corpus: Corpus, priors: dict[str, Prior]
-) -> tuple[dict[str, Prior], LatentPrior, float]:
+    networks: MemberNetworks, objective: Objective, corpus: Corpus, before: FittedPriors | None
+) -> tuple[FittedPriors, float]:
     """Encode all trials as recorded and re-estimate each interaction's prior, from the last one if there is one."""
     settings = objective.settings.prior
     latents, widening, steps = encode(networks, objective, corpus)
     fit = FitSettings(iterations=settings.iterations, covariance_fraction=settings.covariance_fraction)
     refitted, log_likelihood, frames = {}, 0.0, 0
     for name, sequences in latents.items():
-        before = priors.get(name)
         if before is None:
             size = objective.settings.architecture.latent
-            before = PRIORS[settings.kind].from_demonstrations(sequences, settings.components, size, fit)
-        found = before.fit(sequences, fit)
+            prior = PRIORS[settings.kind].from_demonstrations(sequences, settings.components, size, fit)
+        else:
+            prior = before.by_name[name]
+        found = prior.fit(sequences, fit)
         refitted[name] = found.prior
         log_likelihood += found.log_likelihoods[-1]
         frames += sum(len(z) for z in sequences)
-    return refitted, latent_prior(refitted, widening, steps), log_likelihood / frames
+    return FittedPriors(refitted, widening, steps), log_likelihood / frames
 
 
 def encode(
@@ -290,11 +295,3 @@ def encode(
             steps = max(steps, batch.valid.shape[1])
     mean = (torch.stack([pair[0] for pair in covariances]).mean(0), torch.stack([p[1] for p in covariances]).mean(0))
     return latents, mean, steps + 1
-
-
-def _averaged(average: dict[str, Tensor], networks: MemberNetworks, keep: float) -> dict[str, Tensor]:
-    """The running average of all weights, one epoch on."""
-    now = {name: value.detach().clone() for name, value in networks.state_dict().items()}
-    if not average:
-        return now
-    return {name: torch.lerp(now[name], value, keep) for name, value in average.items()}

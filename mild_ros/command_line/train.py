@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Generator
 
     from mild_core.inference.manifest import HumanPlacement
+    from mild_core.learning.checkpoint import Checkpoint
     from mild_core.learning.configuration import Configuration
     from mild_core.learning.demonstration import Demonstration
     from mild_core.learning.recording import Recording
@@ -84,6 +85,9 @@ def train(
 
     The folder then works wherever a model is named: `ros2 run mild_ros pipeline --ros-args -p model:=my_model`. Without
     --errors the uncertainty is measured on the training trials themselves and so too small; the card says so.
+
+    What is interrupted, by Control-C or by force, goes on from its last whole epoch when the same command is given
+    again, and comes to the same model as if nothing had happened.
     """
     from mild_core.learning.datasets import recording_named
 
@@ -93,15 +97,20 @@ def train(
     trials = _trials(recording, data or recording.default_path())
     out.mkdir(parents=True, exist_ok=True)  # a folder that cannot be written is said before an hour of training
     from mild_core.learning.carry_over import start_of
+    from mild_core.learning.checkpoint import FOLDER, Checkpoint, identity
     from mild_core.learning.training import train as train_model
 
     protocol = recording.protocols[asked.protocol]
-    epochs_of = train_model(trials, protocol, settings, asked.seed, recording.interactions, start_of(asked))
-    trained = _finished(epochs_of, settings, out)
+    start = start_of(asked)
+    checkpoint = Checkpoint(out / FOLDER, identity(trials, protocol, settings, asked.seed, start))
+    resume = checkpoint.read(settings.members)
+    epochs_of = train_model(trials, protocol, settings, asked.seed, recording.interactions, start, resume)
+    trained = _finished(epochs_of, settings, checkpoint)
     chosen = [f"--config {config or LIVE}"] * bool(config or not dataset) + [f"--dataset {dataset}"] * bool(dataset)
     command = f"mild train {' '.join(chosen)} --seed {asked.seed} --epochs {settings.epochs}"
     command += f" --members {settings.members} --out {out}" + (f" --errors {errors}" if errors else "")
     _write(out, trained, trials, (asked, recording), measured, command)
+    checkpoint.remove()
 
 
 def _trials(recording: Recording, path: Path) -> tuple[Demonstration, ...]:
@@ -142,20 +151,28 @@ def _measured(path: Path | None, asked: Configuration, recording: Recording) -> 
 
 
 def _finished(
-    epochs: Generator[EpochReport, None, TrainedModel], settings: TrainingSettings, out: Path
+    epochs: Generator[EpochReport, None, TrainedModel], settings: TrainingSettings, checkpoint: Checkpoint
 ) -> TrainedModel:
-    """Run the training to its end, or leave nothing behind."""
+    """Run the training to its end, or leave what it can go on from."""
     try:
-        return _with_progress(epochs, settings)
+        return _with_progress(epochs, settings, checkpoint)
     except KeyboardInterrupt:
         with suppress(OSError):  # only a folder that was made for this is empty
-            out.rmdir()
-        typer.echo(f"mild: interrupted while training: nothing was written to {out}", err=True)
+            checkpoint.folder.parent.rmdir()
+        what = "nothing was written" if not checkpoint.folder.exists() else "the same command goes on from there"
+        typer.echo(f"mild: interrupted while training: {what} ({checkpoint.folder.parent})", err=True)
         raise typer.Exit(EXIT_INTERRUPTED) from None
+    except (KeyError, ValueError, RuntimeError) as error:
+        if not checkpoint.folder.exists():
+            raise
+        problem = f"does not fit what is trained ({str(error).splitlines()[0]})"
+        raise SetupError(str(checkpoint.folder), problem, "delete it to begin anew") from None
 
 
-def _with_progress(epochs: Generator[EpochReport, None, TrainedModel], settings: TrainingSettings) -> TrainedModel:
-    """Run the training; a bar tells epoch and losses."""
+def _with_progress(
+    epochs: Generator[EpochReport, None, TrainedModel], settings: TrainingSettings, checkpoint: Checkpoint
+) -> TrainedModel:
+    """Run the training and keep each epoch; a bar tells epoch and losses."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -169,9 +186,11 @@ def _with_progress(epochs: Generator[EpochReport, None, TrainedModel], settings:
             except StopIteration as end:
                 trained: TrainedModel = end.value
                 return trained
+            checkpoint.write(report.member, report.snapshot)
             losses = f"prediction {report.prediction:.4f} human {report.observed:.4f} robot {report.controlled:.4f}"
             text = f"network {report.member + 1}/{report.members} epoch {report.epoch + 1}: {losses}"
-            progress.update(task, advance=1, description=f"{text} KL {report.divergence:.2f}")
+            done = report.member * settings.epochs + report.epoch + 1
+            progress.update(task, completed=done, description=f"{text} KL {report.divergence:.2f}")
 
 
 def _write(

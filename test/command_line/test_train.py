@@ -156,7 +156,46 @@ def test_wrong_names_and_an_unwritable_folder_are_refused_before_training(data, 
         assert said in capsys.readouterr().err
 
 
-def test_ctrl_c_says_that_nothing_was_written_and_leaves_nothing(data, tmp_path, monkeypatch, capsys):
+def test_an_interrupted_training_goes_on_and_ends_as_if_nothing_had_happened(data, tmp_path, monkeypatch, capsys):
+    import mild_core.learning.checkpoint
+
+    (tmp_path / "mine.toml").write_text(MINE)
+    options = ("--config", str(tmp_path / "mine.toml"), "--data", str(data), "--epochs", "2", "--members", "2")
+    assert run("train", *options, "--out", str(tmp_path / "whole")) == 0
+    write, written = mild_core.learning.checkpoint.Checkpoint.write, []
+
+    def interrupted(self, member, snapshot):
+        write(self, member, snapshot)
+        written.append(member)
+        if len(written) == 3:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(mild_core.learning.checkpoint.Checkpoint, "write", interrupted)
+        assert run("train", *options, "--out", str(tmp_path / "made")) == 130
+    assert written == [0, 0, 1]
+    assert "the same command goes on" in capsys.readouterr().err
+    kept = tmp_path / "made" / "training"
+    assert sorted(path.name for path in kept.iterdir()) == ["member_0.safetensors", "member_1.safetensors"]
+    for again, said in (
+        (("--seed", "8"), "is of another training"),
+        ((), "cannot be read"),
+    ):
+        whole = (kept / "member_1.safetensors").read_bytes()
+        (kept / "member_1.safetensors").write_bytes(whole if again else b"\x80\x04cos\nsystem\n(S'true'\ntR.")
+        assert run("train", *options, *again, "--out", str(tmp_path / "made")) == 2
+        told = capsys.readouterr().err
+        assert said in told
+        assert told.count("\n") == 1
+        (kept / "member_1.safetensors").write_bytes(whole)
+    assert run("train", *options, "--out", str(tmp_path / "made")) == 0
+    assert "epoch 2" in capsys.readouterr().err
+    assert not kept.exists()
+    one, other = ((tmp_path / name / "weights.safetensors").read_bytes() for name in ("whole", "made"))
+    assert one == other
+
+
+def test_ctrl_c_before_the_first_epoch_leaves_nothing(data, tmp_path, monkeypatch, capsys):
     import mild_core.learning.training
 
     def interrupted(*arguments):

@@ -23,7 +23,7 @@ def draw_reliability(found: Mapping[str, Any], path: Path, title: str) -> None:
     curves, levels = found["reliability"], [0.0, *found["levels"]]
     columns = min(PANELS_A_ROW, len(curves))
     rows = -(-len(curves) // columns)
-    with figure(PAGE_IN, 0.5 + 1.95 * rows, path, title) as made:
+    with figure(PAGE_IN, 0.55 + 2.0 * rows, path, title) as made:
         panels = made.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
         for axes in panels[len(curves) :]:
             axes.set_axis_off()
@@ -42,9 +42,9 @@ def draw_reliability(found: Mapping[str, Any], path: Path, title: str) -> None:
             axes.set_ylim(0, 1)
             axes.set_xticks([0, 0.5, 0.9])
             axes.set_yticks([0, 0.5, 0.9])
+            axes.set_xlabel("share it should hold")
             rule(axes)
         panels[0].plot([], [], color=GREY, lw=0.7, ls=(0, (1, 1)), label="without scale")
-        made.supxlabel("share that the region should hold", fontsize=8)
-        made.supylabel("share that it holds", fontsize=8)
+        panels[0].set_ylabel("share of true values in region")
         handles, labels = panels[0].get_legend_handles_labels()
         made.legend(handles, labels, loc="outside lower center", ncols=4)

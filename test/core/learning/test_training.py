@@ -87,9 +87,9 @@ def test_the_prior_moves_between_epochs_until_it_is_frozen(monkeypatch):
     seen = []
     original = training._pass
 
-    def watched(networks, objective, optimiser, corpus, prior, observed_only):
-        seen.append(prior)
-        return original(networks, objective, optimiser, corpus, prior, observed_only)
+    def watched(learner, objective, corpus, observed_only):
+        seen.append(learner.prior)
+        return original(learner, objective, corpus, observed_only)
 
     monkeypatch.setattr(training, "_pass", watched)
     reports, model = reports_and_model(replace(SMALL, epochs=10))
