@@ -109,6 +109,47 @@ def joints(
 
 
 @plot.command()
+def filmstrip(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="A bag that `mild demo`, `replay` or a recorder wrote.")],
+    model: MODEL = DEFAULT,
+    robot: Annotated[str, typer.Option(metavar="NAME|FILE", help="That was moved.")] = "yumi",
+    source: Annotated[str, typer.Option(help="Tracker convention of its skeletons.")] = "azure_kinect",
+    out: OUT = Path("out/filmstrip.png"),
+) -> None:
+    """Person and robot at moments of a recorded run, from rest to contact to rest (Fig. 6 and 9).
+
+        mild replay bags/handshake --out out/handshake
+
+        mild plot filmstrip out/handshake/recorded --out handshake.pdf
+
+    A rocket with Pepper, whose arm follows a partner's:
+
+        mild replay bags/rocket --robot pepper --model nuisi_partner_same --out out/pepper
+
+        mild plot filmstrip out/pepper/recorded --robot pepper --model nuisi_partner_same
+    """
+    from mild_core.retargeting.robot_file import find_robot
+    from mild_ros.assembly.perception import make_perception, manifest_of, skeleton_source
+    from mild_ros.settings import PerceptionParameters
+    from mild_ros.viewing.filmstrip import draw_filmstrip
+    from mild_ros.viewing.placing import main_interaction
+    from mild_ros.viewing.recorded import read_run
+    from mild_ros.viewing.staging import stage
+
+    parameters, found, manifest = (
+        PerceptionParameters(model=model, source=source),
+        find_robot(robot),
+        manifest_of(model),
+    )
+    recorded = read_run(run, skeleton_source(parameters))
+    staged = stage(recorded, make_perception(parameters, manifest), manifest, found)
+    spoken = main_interaction(recorded.motions).replace("_", " ") or "nothing recognised"
+    out.parent.mkdir(parents=True, exist_ok=True)
+    draw_filmstrip(staged, found, out, f"{found.name}: {spoken}")
+    _written(out)
+
+
+@plot.command()
 def comparison(tables: TABLES, out: Annotated[Path, typer.Option(metavar="FOLDER")] = Path("out")) -> None:
     """All methods of a cross-validation side by side, with intervals.
 

@@ -15,6 +15,7 @@ from mild_core.learning.model_predictor import ModelPredictor
 from mild_ros.command_line.plot_data import errors_over_window, motion_of, watched
 from test.command_line.test_main import run
 from test.command_line.test_train import smooth_track
+from test.conftest import ROOT
 from test.core.learning.test_buetepage_hr import one_hot, write
 
 
@@ -70,12 +71,24 @@ def test_latents_are_followed_as_inference_follows_them(model, data):
     np.testing.assert_allclose(track.weights.sum(axis=1), 1.0, rtol=1e-9)
 
 
+def test_a_filmstrip_shows_a_bag_from_rest_to_rest(tmp_path, capsys):
+    out = tmp_path / "film.png"
+    assert run("plot", "filmstrip", str(ROOT / "bags" / "handshake"), "--out", str(out)) == 0
+    assert f"written: {out}" in capsys.readouterr().out
+    picture = np.asarray(Image.open(out).convert("RGB")).astype(int)
+    assert picture.shape[1] > 4 * picture.shape[0] / 2
+    # The person's hand is raised in the middle of the strip and hangs at its ends: the panels differ.
+    panels = np.split(picture[:, : picture.shape[1] // 6 * 6], 6, axis=1)
+    assert abs(panels[2] - panels[0]).mean() > abs(panels[5] - panels[0]).mean()
+
+
 def test_what_cannot_be_drawn_is_one_line(model, data, tmp_path, capsys):
     shared = ("--model", str(model), "--data", str(data), "--out", str(tmp_path / "a.png"))
     for arguments, said in (
         (("joints", *shared, "--trial", "8"), "there are 8 train trials"),
         (("window", *shared, "--split", "test"), "its test split is empty"),
         (("window", *shared, "--split", "tset"), "did you mean 'test'"),
+        (("filmstrip", str(tmp_path / "none")), "none"),
     ):
         assert run("plot", *arguments) == 2
         told = capsys.readouterr().err
