@@ -24,7 +24,7 @@ def faults(
         "out/faults"
     ),
 ) -> None:
-    """Everything that may go wrong is done to real nodes: does the robot rest in time, and follow again?
+    """Does to real nodes all that may go wrong around them, and judges what the robot does.
 
     Trackers that stop, stutter, flood, send NaN or somebody else, clocks that jump, a robot that falls silent or is
     pushed, processes that are killed: each for a second or two, one after the other, without a restart in between.

@@ -20,6 +20,7 @@ COMMANDS = {
     "view": "A recorded run in a 3-D page.",
     "models": "The models here: what they learned from, how good they are.",
     "doctor": "Checks this machine's Python, ROS 2 and network and says what to do.",
+    "faults": "Does to real nodes all that may go wrong around them, and judges what the robot does.",
     "demonstrations": "Cuts recorded bags into labelled trials to learn from.",
     "train": "Learns a model from demonstrations.",
     "evaluate": "A model's error per interaction, or a cross-validation beside the baselines.",

@@ -74,7 +74,6 @@ def test_a_person_moves_the_robot_and_everybody_can_see_why(
     beliefs = probe.listen(Float64MultiArray, "belief")
     start("pipeline", model=random_model, interaction="hand_shake", home_after_s=2.0)
     room.around.connect(room.person.publisher, room.around.states)
-    room.live(room.moved, "the robot moved")
     room.live(room.counted("retargeting accepted", 40), "a second of following")
     room.live(lambda: room.around.status()[:2] == (OK, "following"), "all well")
 
