@@ -54,10 +54,10 @@ def test_training_neither_reads_nor_moves_the_callers_random_numbers():
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 def test_every_protocol_is_learned_and_errors_fall(protocol):
     stride = 1 if protocol == "next" else 8
-    settings = replace(SMALL, epochs=40, stride=stride, gradient_stride=stride, dropout=0.0, batch_trials=1)
+    settings = replace(SMALL, epochs=25, stride=stride, gradient_stride=stride, dropout=0.0, batch_trials=1)
     reports, model = reports_and_model(settings, protocol=protocol)
-    assert [report.epoch for report in reports] == list(range(40))
-    # Shares of the windows' variance: 1 is what their mean would leave. 40 short epochs must clearly beat it.
+    assert [report.epoch for report in reports] == list(range(25))
+    # Shares of the windows' variance: 1 is what their mean would leave. 25 short epochs must clearly beat it.
     assert reports[-1].prediction < 0.5 < reports[0].prediction
     assert reports[-1].observed < reports[0].observed
     assert reports[-1].controlled < reports[0].controlled
