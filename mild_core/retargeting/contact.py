@@ -34,6 +34,9 @@ FAR_M, NEAR_M = 0.35, 0.20
 OVER_S = 0.35
 """The share of the person's hand goes from 0 to 1 in no less than this."""
 
+PARTED = 0.9
+"""A hand that is taken back while the learned one would come so much less near than fully is let go."""
+
 MET = 0.9
 """From this share on hands have met."""
 
@@ -43,6 +46,10 @@ as it has never seen how long this person's arm is nor how far away they stand."
 
 IN_HAND_M, ARRIVING_M = 0.03, 0.10
 """Nearer than the first the hands touch; further than the second they do not."""
+
+TRIED_POSES, SEED = 1000, 7
+"""As far as the hand comes from the shoulder in so many random poses it is sent: further the arm would be straight, and
+a straight arm that is sent further yet trembles."""
 
 SOFT = 0.3
 """Stiffness of the arm while hands touch, of 1 while it reaches."""
@@ -57,12 +64,14 @@ class Touch:
         joints_rad: J positions that the solver found last.
         gap_m: From the learned hand to where the person's would draw it.
         apart_m: Between the person's hand and the hand that this commands.
+        withdrawn: Whether the person has taken the hand back: it is followed no more, and the gap of before fades.
     """
 
     share: float
     joints_rad: Joints
     gap_m: Joints
     apart_m: float
+    withdrawn: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,10 +93,13 @@ class Contact:
 
     def __post_init__(self) -> None:
         chain = chain_of(self.robot)
-        lengths = np.linalg.norm([*chain.offsets[1:, :3, 3], chain.tool_m], axis=1)
+        tried = np.random.default_rng(SEED).uniform(
+            self.robot.lower_rad, self.robot.upper_rad, (TRIED_POSES, len(self.robot.joint_names))
+        )
         object.__setattr__(self, "_chain", chain)
         object.__setattr__(self, "_solver", InverseKinematics(self.robot, (self.robot.tool_link,), self.margin_rad))
-        object.__setattr__(self, "_reach_m", float(lengths.sum()))
+        reach_m = max(math.dist(chain.offsets[0][:3, 3], chain.tool(pose)) for pose in tried)
+        object.__setattr__(self, "_reach_m", reach_m)
 
     def aim(
         self,
@@ -115,20 +127,26 @@ class Contact:
         tool = self._chain.tool(posture)
         wanted = 0.0 if hand_m is None else self._nearness(tool, hand_m)
         share = 0.0 if before is None else before.share
-        if hand_m is not None and before is not None and offered and share >= MET:
-            wanted = max(wanted, self._nearness(self._chain.tool(np.array(before.joints_rad)), hand_m))
+        withdrawn = before is not None and before.withdrawn and not offered
+        if hand_m is not None and before is not None and share >= MET:
+            withdrawn = not offered and wanted < PARTED
+            if offered:
+                wanted = max(wanted, self._nearness(self._chain.tool(np.array(before.joints_rad)), hand_m))
+        wanted = 0.0 if withdrawn else wanted
         most = elapsed_s / OVER_S
         share += min(max(wanted - share, -most), most)
         if share <= 0.0:
             return posture, None
-        if hand_m is not None:
+        if withdrawn and before is not None:
+            gap = np.array(before.gap_m)
+        elif hand_m is not None:
             gap = self._trust(posture, covariance) * (hand_m - tool)
         else:  # a hand that was lost a moment ago draws on, and ever less
             gap = np.zeros(3) if before is None else np.array(before.gap_m)
         start = posture if before is None else np.array(before.joints_rad)
-        joints = self._solver.step(start, [Reach(self.robot.tool_link, tool + share * gap)], posture)
+        joints = self._solver.step(start, [Reach(self.robot.tool_link, self._within(tool + share * gap))], posture)
         apart = math.inf if hand_m is None else math.dist(self._chain.tool(joints), hand_m)
-        return joints, Touch(share, tuple(joints.tolist()), tuple(gap.tolist()), apart)
+        return joints, Touch(share, tuple(joints.tolist()), tuple(gap.tolist()), apart, withdrawn)
 
     def _nearness(self, tool_m: FloatArray, hand_m: FloatArray) -> float:
         """The share that the distance allows, from 0 to 1; without learned motion, the one that reach allows."""
@@ -136,6 +154,12 @@ class Contact:
             beyond_m = math.dist(self._chain.offsets[0][:3, 3], hand_m) - self._reach_m
             return smooth(-beyond_m / (FAR_M - NEAR_M))
         return smooth((FAR_M - math.dist(tool_m, hand_m)) / (FAR_M - NEAR_M))
+
+    def _within(self, point_m: FloatArray) -> FloatArray:
+        """(3,) the point, or the nearest one that the arm reaches without being straight."""
+        shoulder_m = self._chain.offsets[0][:3, 3]
+        share = self._reach_m / max(math.dist(shoulder_m, point_m), 1e-9)
+        return point_m if share >= 1.0 else shoulder_m + share * (point_m - shoulder_m)
 
     def _trust(self, learned_rad: FloatArray, covariance: FloatArray) -> float:
         """How much more the seen hand is to be trusted than the learned one, from 0 to 1.

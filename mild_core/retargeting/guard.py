@@ -36,9 +36,18 @@ HAND_ROOM_M = 0.05
 WORSE_M = 1e-6
 """Less than this is not worse: rounding."""
 
-PACE, SLOWING_M = 0.85, 0.1
-"""Targets move at this share of the speed that is allowed, from so far outside of where it is: a robot that lags
-behind overshoots."""
+TOO_FAST = "refused_speed"
+"""Counted when a motion is too fast near the person."""
+
+HURRIED_M = 0.2
+"""As far outside of where the speed is limited a robot that is late may begin to catch up faster."""
+
+UNPACED_M = 0.5
+"""Further outside of it nobody's arm is too fast to be slowed in time."""
+
+PACE, SLOWING_S = 0.85, 0.15
+"""Targets move at this share of the speed that is allowed, and outside of where it is faster by what they need this
+long for: a robot that lags behind them, and a person who comes nearer, shall find it slow enough."""
 
 SELF, PERSON, NEAR, SPEED = range(4)
 """Columns of what is seen at a pose: clearance to itself and to head and trunk, distance to head, trunk and hand,
@@ -125,7 +134,7 @@ class Guard:
             if there[PERSON] < min(0.0, here[PERSON] - WORSE_M):
                 return "refused_keep_out", here[NEAR]
             if there[NEAR] < self.settings.near_m and there[SPEED] > self.settings.near_speed_m_s:
-                return "refused_speed", here[NEAR]
+                return TOO_FAST, here[NEAR]
         return "", here[NEAR]
 
     def outside(self, point_m: FloatArray, body: Body) -> FloatArray:
@@ -139,6 +148,10 @@ class Guard:
                 point_m = point_m + away * (least_m / distance_m - 1.0)
         return point_m
 
+    def nearness(self, near_m: float) -> float:
+        """From 0 to 1 where the robot's hand is so near the person that its speed is limited."""
+        return min(max(1.0 - (near_m - self.settings.near_m) / HURRIED_M, 0.0), 1.0)
+
     def paced(self, from_rad: FloatArray, to_rad: FloatArray, near_m: float, elapsed_s: float) -> FloatArray:
         """(J,) as far from one target towards the next as the hand may go near the person, so that nothing is refused.
 
@@ -148,9 +161,10 @@ class Guard:
             near_m: How near the person the robot is.
             elapsed_s: Time between both.
         """
-        if near_m > self.settings.near_m + SLOWING_M:
+        beyond_m = max(near_m - self.settings.near_m, 0.0)
+        if beyond_m > UNPACED_M:
             return to_rad
         way_m = math.dist(self.chain.tool(from_rad), self.chain.tool(to_rad))
-        most_m = PACE * self.settings.near_speed_m_s * elapsed_s
+        most_m = (PACE * self.settings.near_speed_m_s + beyond_m / SLOWING_S) * elapsed_s
         paced: FloatArray = to_rad if way_m <= most_m else from_rad + (to_rad - from_rad) * (most_m / way_m)
         return paced

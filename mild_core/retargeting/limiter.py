@@ -60,6 +60,15 @@ class JointMotion:
         zero = (0.0,) * len(position_rad)
         return JointMotion(position_rad, zero, zero)
 
+    def toward(self, other: JointMotion, share: float) -> JointMotion:
+        """A share of the way from this to another motion at the same time."""
+        pairs = (
+            (self.position_rad, other.position_rad),
+            (self.velocity_rad_s, other.velocity_rad_s),
+            (self.acceleration_rad_s2, other.acceleration_rad_s2),
+        )
+        return JointMotion(*(tuple(a + share * (b - a) for a, b in zip(*pair, strict=True)) for pair in pairs))
+
     @property
     def resting(self) -> bool:
         """Whether no joint moves."""

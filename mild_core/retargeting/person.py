@@ -24,6 +24,9 @@ LOST_S, GONE_S = 0.3, 2.0
 LONGEST_GUESS_S = 0.15
 """A hand goes on at its speed for no longer than this: then it may have turned."""
 
+WITHDRAWING_S = 0.15
+"""So far ahead it is looked whether a hand is on its way back."""
+
 OFFERED = 0.7
 """A hand is offered while it is at least this share of the way from its rest that it has come at most."""
 
@@ -121,8 +124,9 @@ class Sight:
         return replace(self, rest_m=self.hand_m, raised=False, farthest_m=0.0)
 
     def offered(self) -> bool:
-        """Whether the hand is held out, and not on its way back."""
-        return self.raised and math.dist(self.hand_m, self.rest_m) >= OFFERED * self.farthest_m
+        """Whether the hand is held out, and not on its way back, where it would soon be held out no more."""
+        soon_m = self.hand_m + WITHDRAWING_S * self.velocity_m_s
+        return self.raised and math.dist(soon_m, self.rest_m) >= OFFERED * self.farthest_m
 
     def after(self, pose: PersonPose, received_ns: int) -> Sight:
         """With one more pose of the same person; what it hides stays where it was."""

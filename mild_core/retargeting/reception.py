@@ -130,7 +130,7 @@ def take_request(state: RetargetingState, given: Request, now_ns: int) -> Retarg
         # Whoever has their hand up when the robot is released has to raise it anew.
         sight = state.sight.at_rest_here() if state.sight is not None and not held else state.sight
         return replace(state, held=held, sight=sight).ended("held" if held else "released")
-    state = replace(state, plan=None, ramp=None, unknown_since_ns=None, holding_since_ns=now_ns)
+    state = replace(state, plan=None, pursuit=None, unknown_since_ns=None, holding_since_ns=now_ns)
     if given.kind == "disable":
         return replace(state, mode=Mode.DISABLED).ended("disabled")
     state = replace(state, displaced=False, displaced_since_ns=None, person=None, sight=None)

@@ -22,7 +22,7 @@ import numpy as np
 
 from mild_core.retargeting.arm_following import ArmFollower, arm_follower
 from mild_core.retargeting.contact import Contact, stiffness
-from mild_core.retargeting.guard import NOBODY, Body, Guard, body_of
+from mild_core.retargeting.guard import NOBODY, TOO_FAST, Body, Guard, body_of
 from mild_core.retargeting.life import person_present, situation, with_rest
 from mild_core.retargeting.limiter import JointMotion, Joints, Limiter, NoPlanError
 from mild_core.retargeting.modes import Mode, next_mode
@@ -31,7 +31,7 @@ from mild_core.retargeting.reception import take_measurement, take_motion, take_
 from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.retargeting.state import Request, RetargetingState
-from mild_core.retargeting.target import Plan, Ramp, ramp_onto
+from mild_core.retargeting.target import Plan, Pursuit
 from mild_core.retargeting.watchdog import after_gap, after_time_jump, known, with_ear
 from mild_core.shapes import FloatArray, read_only
 from mild_core.signals import ARM_FRAME, JointCommand, JointMeasurement, MotionWindow, PersonPose
@@ -40,6 +40,12 @@ __all__ = ["Mode", "Request", "Retargeting", "RetargetingInput", "RetargetingSet
 
 HOME_SHARE = 0.1
 """Share of the robot's acceleration and jerk used on the way home: nobody is waiting for it."""
+
+EASINGS = 3
+"""Times that what is taken of a refused motion is halved: an eighth of it is as good as none."""
+
+SLOWED = "slowed"
+"""Counted when a part of a motion was taken."""
 
 AT_HOME_RAD = 1e-6
 """Closer to home than this is home: far below an encoder's step, far above rounding."""
@@ -149,24 +155,22 @@ class Retargeting:
         mode = next_mode(state.mode, given)
         if mode is state.mode:
             return state
-        state = replace(state, since_ns=now_ns, touch=None, target_rad=None)
+        state = replace(state, since_ns=now_ns, touch=None, pursuit=None)
         if mode is Mode.FOLLOWING and state.plan is not None:
-            start_rad, target_rad = self._limiter.resting_place(motion), self._wanted(state.plan, motion, now_ns)
-            ramp = ramp_onto(target_rad, start_rad, settings.ramp_velocity_rad_s, now_ns)
-            return replace(state, mode=mode, ramp=ramp)
+            return replace(state, mode=mode)
         if mode is Mode.HOLDING and not (state.displaced or state.silent) and state.mode is Mode.FOLLOWING:
             state = state.counted("held_stale" if known(state, settings, now_ns) else "held_unknown")
         # A plan outlives a pause that the person made, for them to go on at once.
         plan = state.plan if given.usable else None
-        return replace(state, mode=mode, plan=plan, ramp=None, holding_since_ns=now_ns)
+        return replace(state, mode=mode, plan=plan, holding_since_ns=now_ns)
 
     def _advanced(
         self, state: RetargetingState, motion: JointMotion, now_ns: int, elapsed_s: float
     ) -> tuple[RetargetingState, JointMotion]:
         """The state and the motion after a step, or after the first step of a stop where the wanted one is refused."""
         body = self._body(state, now_ns)
-        if state.mode is Mode.FOLLOWING and state.plan is not None and state.ramp is not None:
-            state, target_rad = self._target(state, state.plan, state.ramp, motion, body, now_ns, elapsed_s)
+        if state.mode is Mode.FOLLOWING and state.plan is not None:
+            state, target_rad = self._target(state, state.plan, motion, body, now_ns, elapsed_s)
             wanted = self._limiter.toward(motion, target_rad, elapsed_s)
         elif state.mode is Mode.HOLDING and state.displaced:
             wanted = self._limiter.toward(motion, self._inside(np.array(state.measured_rad)), elapsed_s)
@@ -176,35 +180,58 @@ class Retargeting:
             return state, self._limiter.stop(motion, elapsed_s)
         if wanted.resting and wanted.position_rad == motion.position_rad:
             return state, wanted
-        refusal, near_m = self._guard.judged(motion, self._limiter.stop_path(wanted), body)
+        taken, refusal, near_m = self._harmless(motion, wanted, body, elapsed_s)
         state = replace(state, near_m=near_m)
         if refusal:
-            return replace(state, target_rad=None).counted(refusal), self._limiter.stop(motion, elapsed_s)
-        return state, wanted
+            # Held back for good a robot sets off anew, and does not hurry after what went on without it.
+            pursuit = state.pursuit if refusal in (SLOWED, TOO_FAST) else None
+            state = replace(state, pursuit=pursuit).counted(refusal)
+        return state, taken
+
+    def _harmless(
+        self, motion: JointMotion, wanted: JointMotion, body: Body, elapsed_s: float
+    ) -> tuple[JointMotion, str, float]:
+        """As much of a step as is harmless, from none, which is a stop; why not all of it; and how near [m] it is.
+
+        Between two motions that keep the limits all others keep them too.
+        """
+        refusal, near_m = self._guard.judged(motion, self._limiter.stop_path(wanted), body)
+        if not refusal:
+            return wanted, refusal, near_m
+        taken = stop = self._limiter.stop(motion, elapsed_s)
+        least, most = 0.0, 1.0
+        for _ in range(EASINGS):
+            share = (least + most) / 2.0
+            tried = stop.toward(wanted, share)
+            if self._guard.judged(motion, self._limiter.stop_path(tried), body)[0]:
+                most = share
+            else:
+                least, taken = share, tried
+        return taken, SLOWED if least > 0.0 else refusal, near_m
 
     def _target(
         self,
         state: RetargetingState,
         plan: Plan,
-        ramp: Ramp,
         motion: JointMotion,
         body: Body,
         now_ns: int,
         elapsed_s: float,
     ) -> tuple[RetargetingState, Joints]:
         """Where the joints are sent while following: as learned, hands brought together, no faster than allowed."""
-        target = ramp.blend(self._wanted(plan, motion, now_ns), now_ns)
-        touch = None
+        aimed, touch = self._wanted(plan, motion, now_ns), None
+        pursuit = state.pursuit or Pursuit.onto(aimed, self._limiter.resting_place(motion))
         if self._contact is not None and self.standing is not None:
             touches = plan.interaction in self.standing.by_interaction and np.isfinite(body.hand_m).all()
             hand_m = self._guard.outside(body.hand_m, body) if touches else None
             offered = state.sight is not None and state.sight.offered()
-            target, touch = self._contact.aim(target, plan.covariance, hand_m, offered, state.touch, elapsed_s)
-            target = np.minimum(np.maximum(target, self._lower), self._upper)
-        from_rad = np.array(motion.position_rad if state.target_rad is None else state.target_rad)
-        target = self._guard.paced(from_rad, target, state.near_m, elapsed_s)
-        target_rad = tuple(target.tolist())
-        return replace(state, touch=touch, target_rad=target_rad), target_rad
+            aimed, touch = self._contact.aim(aimed, plan.covariance, hand_m, offered, state.touch, elapsed_s)
+            aimed = np.minimum(np.maximum(aimed, self._lower), self._upper)
+        hurry = 0.0 if touch is None else touch.share * self._guard.nearness(state.near_m)
+        pursuit, target = pursuit.nearer(aimed, self.settings.ramp_velocity_rad_s, hurry, elapsed_s)
+        target = self._guard.paced(np.array(pursuit.target_rad), target, state.near_m, elapsed_s)
+        pursuit = pursuit.at(target, aimed)
+        return replace(state, touch=touch, pursuit=pursuit), pursuit.target_rad
 
     def _body(self, state: RetargetingState, now_ns: int) -> Body:
         """The person where they will be when this command has been carried out; nobody if that is not known."""

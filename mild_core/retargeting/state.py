@@ -12,7 +12,7 @@ from mild_core.retargeting.contact import Touch
 from mild_core.retargeting.limiter import JointMotion, Joints
 from mild_core.retargeting.modes import Mode
 from mild_core.retargeting.person import Point, Sight, seen_again
-from mild_core.retargeting.target import Plan, Ramp
+from mild_core.retargeting.target import Plan, Pursuit
 from mild_core.signals import PersonPose
 
 
@@ -40,7 +40,7 @@ class RetargetingState:
         commanded_ns: When that command was sent; None before the first.
         plan: The newest usable motion; None when there is nothing to follow.
         had_plan: Whether there was one at the command before.
-        ramp: The way onto the plan; set while following.
+        pursuit: The way onto the plan; None unless following, and where it starts anew.
         unknown_since_ns: When the model ceased to know what the person does; None while it knows.
         holding_since_ns: When holding began.
         measured_rad: The robot's newest own word on where it is: J positions ...
@@ -53,7 +53,6 @@ class RetargetingState:
         person_ns: ... and when it came.
         sight: What is known of the person from all poses before that one.
         touch: How far the hands have been brought together; None when they are not.
-        target_rad: Where the joints were last sent while following: J positions; None at the start.
         place_m: Where the person is taken to stand, if the camera does not tell.
         near_m: How near the robot's hand was to the person at the newest command that moves.
         counts: Events by reason since the start.
@@ -67,7 +66,7 @@ class RetargetingState:
     commanded_ns: int | None = None
     plan: Plan | None = None
     had_plan: bool = False
-    ramp: Ramp | None = None
+    pursuit: Pursuit | None = None
     unknown_since_ns: int | None = None
     holding_since_ns: int = 0
     measured_rad: Joints = ()
@@ -80,7 +79,6 @@ class RetargetingState:
     person_ns: int = 0
     sight: Sight | None = None
     touch: Touch | None = None
-    target_rad: Joints | None = None
     place_m: Point | None = None
     near_m: float = math.inf
     counts: Mapping[str, int] = field(default_factory=dict)

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -74,40 +74,57 @@ def checked_plan(motion: MotionWindow, robot: RobotModel, now_ns: int) -> Plan:
     return Plan(motion.stamp_ns, now_ns, start_ns, motion.period_ns, rows, motion.interaction, motion.covariance)
 
 
+SETTLING_S, HURRIED_S = 0.15, 0.03
+"""The rest of a way onto a plan fades with these time constants: by itself, and with hands that are to meet."""
+
+LEAST_RAD_S = 0.02
+"""It ends with this speed, and so at some time."""
+
+STARTING_S = 0.2
+"""A way onto a plan comes up to its speed in this time."""
+
+HURRY = 3.0
+"""With hands that are to meet a way onto a plan may be so much faster: there the hand's own limit of speed holds."""
+
+
 @dataclass(frozen=True)
-class Ramp:
-    """A smooth way from where the robot stands onto a plan that begins elsewhere.
+class Pursuit:
+    """A smooth way onto a plan from where the robot stands, or to where it was held back.
 
     Attributes:
-        start_ns: When it began.
-        duration_s: How long it lasts; 0 for none.
-        from_rad: J positions at its start.
+        target_rad: J positions to which the joints were sent last.
+        behind_rad: J: from the plan to there.
+        speed_rad_s: Of the joint that has the longest way.
     """
 
-    start_ns: int
-    duration_s: float
-    from_rad: Joints
+    target_rad: Joints
+    behind_rad: Joints
+    speed_rad_s: float = 0.0
 
-    def blend(self, target_rad: FloatArray, now_ns: int) -> FloatArray:
-        """(J,) between the start of the ramp and `target_rad`, along a minimum-jerk curve.
+    @staticmethod
+    def onto(aimed_rad: FloatArray, from_rad: Joints) -> Pursuit:
+        """The beginning of the way from `from_rad` onto a plan that is now at `aimed_rad` (J,)."""
+        return Pursuit(from_rad, tuple((np.array(from_rad) - aimed_rad).tolist()))
 
-        Source: T. Flash, N. Hogan, "The coordination of arm movements", J. Neuroscience 1985, eq. 3.
+    def nearer(
+        self, aimed_rad: FloatArray, peak_rad_s: float, hurry: float, elapsed_s: float
+    ) -> tuple[Pursuit, FloatArray]:
+        """With its next speed, and the next target (J,): the plan, less what is left to catch up with.
+
+        Args:
+            aimed_rad: (J,) where the plan is now.
+            peak_rad_s: What catching up may add to the speed of the plan ...
+            hurry: ... and from 0 to 1 how much more, since hands are to meet.
+            elapsed_s: Since the target before.
         """
-        elapsed_s = (now_ns - self.start_ns) * 1e-9
-        if elapsed_s >= self.duration_s:
-            return target_rad
-        s = elapsed_s / self.duration_s
-        share = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
-        start = np.array(self.from_rad)
-        blended: FloatArray = start + (target_rad - start) * share
-        return blended
+        behind = np.array(self.behind_rad)
+        far = float(np.abs(behind).max())
+        most = peak_rad_s * (1.0 + HURRY * hurry)
+        fading = max(far / (SETTLING_S + (HURRIED_S - SETTLING_S) * hurry), LEAST_RAD_S)
+        speed = min(most, fading, self.speed_rad_s + most * elapsed_s / STARTING_S)
+        left = max(0.0, 1.0 - speed * elapsed_s / far) if far > 0.0 else 0.0
+        return replace(self, speed_rad_s=speed), aimed_rad + left * behind
 
-
-MINIMUM_JERK_PEAK = 1.875
-"""Peak over mean speed of a minimum-jerk curve; source: Flash and Hogan 1985."""
-
-
-def ramp_onto(target_rad: FloatArray, from_rad: Joints, peak_rad_s: float, now_ns: int) -> Ramp:
-    """The ramp from `from_rad` onto a target that is now at `target_rad` (J,), at most `peak_rad_s` fast."""
-    distance = float(np.abs(target_rad - np.array(from_rad)).max())
-    return Ramp(now_ns, MINIMUM_JERK_PEAK * distance / peak_rad_s, from_rad)
+    def at(self, target_rad: FloatArray, aimed_rad: FloatArray) -> Pursuit:
+        """With the target that was taken."""
+        return replace(self, target_rad=tuple(target_rad.tolist()), behind_rad=tuple((target_rad - aimed_rad).tolist()))

@@ -62,7 +62,7 @@ def after_time_jump(state: RetargetingState, now_ns: int) -> RetargetingState:
         mode=Mode.HOLDING if stops else state.mode,
         commanded_ns=None,
         plan=None,
-        ramp=None,
+        pursuit=None,
         unknown_since_ns=None,
         displaced_since_ns=None,
         measured_ns=None if state.measured_ns is None else now_ns,

@@ -24,8 +24,9 @@ from mild_core.retargeting.chain import chain_of
 from mild_core.retargeting.inverse_kinematics import InverseKinematics, Reach
 from mild_core.retargeting.person import Point, Standing
 from mild_core.retargeting.robots import ROBOTS
+from mild_core.retargeting.stage import Retargeting
 from mild_core.shapes import FloatArray
-from mild_core.signals import ARM_FRAME, JointMeasurement
+from mild_core.signals import ARM_FRAME, JointCommand, JointMeasurement, MotionWindow, PersonPose
 from mild_ros.assembly.inference import load
 from mild_ros.assembly.pipeline import make_pipeline
 from mild_ros.scenes import RATE_HZ, SCENES, arm_track
@@ -49,18 +50,32 @@ class Episode:
     """One interaction, 100 times a second.
 
     Attributes:
-        joints_rad: (T, J) commanded.
+        commands: T commands.
         simulated_m: (T, 3) the simulated robot's hand.
         hand_m: (T, 3) the person's true hand in the robot's base frame.
-        step_ms: (T,) CPU time of the pipeline's ticks.
+        step_ms: (T,) CPU time of the ticks.
         refused: Ticks at which a motion was refused.
     """
 
-    joints_rad: FloatArray
+    commands: tuple[JointCommand, ...]
     simulated_m: FloatArray
     hand_m: FloatArray
     step_ms: FloatArray
     refused: int
+
+    def apart_m(self) -> FloatArray:
+        """(N,) between the hands while they are to touch and the person's is within reach."""
+        places = np.flatnonzero(touching(self.hand_m))
+        within = places[reachable(self.hand_m[places])]
+        apart: FloatArray = np.linalg.norm(self.simulated_m - self.hand_m, axis=1)[within]
+        return apart
+
+    def before_deg(self, learned: Episode) -> float:
+        """How far a joint is from the learned motion alone, at most, until that one approaches the person."""
+        nearing = np.linalg.norm(learned.simulated_m - learned.hand_m, axis=1) < APPROACH_M
+        first = int(np.argmax(nearing)) if nearing.any() else len(nearing)
+        here, there = (np.array([each.positions_rad for each in who.commands]) for who in (self, learned))
+        return float(np.rad2deg(np.abs(here - there)[:first].max()))
 
 
 def _robot_from_camera(standing: Standing, place_m: Point) -> FloatArray:
@@ -71,38 +86,73 @@ def _robot_from_camera(standing: Standing, place_m: Point) -> FloatArray:
     return robot_from_arm @ Camera().arm_from_camera
 
 
-def play(pipeline: Pipeline, arm_m: FloatArray, rate_hz: float, interaction: str, calibrated: bool) -> Episode:
-    """Let a person with this arm (T, 3, 3) interact with the simulated robot, seen by a calibrated camera or not."""
-    standing, chain = pipeline.retargeting.standing, chain_of(ROBOT)
+@dataclass(frozen=True, eq=False)
+class Story:
+    """What retargeting is told of one interaction, by real perception and inference.
+
+    Attributes:
+        told: Each input and when it comes [ns].
+        hand_m: (T, 3) the person's true hand in the robot's base frame ...
+        rate_hz: ... so often.
+        end_ns: When it is over.
+    """
+
+    told: tuple[tuple[int, MotionWindow | PersonPose], ...]
+    hand_m: FloatArray
+    rate_hz: float
+    end_ns: int
+
+    def hand_at(self, now_ns: int) -> list[float]:
+        """The true hand then."""
+        where = (now_ns - START_NS) * 1e-9 * self.rate_hz
+        return [float(np.interp(where, np.arange(len(self.hand_m)), column)) for column in self.hand_m.T]
+
+
+def story(pipeline: Pipeline, arm_m: FloatArray, rate_hz: float, interaction: str, calibrated: bool = True) -> Story:
+    """Let a person move this arm (T, 3, 3), seen by a calibrated camera or not."""
+    standing = pipeline.retargeting.standing
     assert standing is not None
     place_m = standing.by_interaction[interaction]
-    body = bodies(with_neutral_second(arm_m, rate_hz, 1.2))
-    true = hand_of(with_neutral_second(arm_m, rate_hz, 1.2), (0.29, 0.335))
-    true = standing.placed(true - with_neutral_second(arm_m, rate_hz, 1.2)[0, 0], ARM_FRAME, place_m)
+    track = with_neutral_second(arm_m, rate_hz, 1.2)
+    hand_m = standing.placed(hand_of(track, (0.29, 0.335)) - track[0, 0], ARM_FRAME, place_m)
+    perception = pipeline.perception
     if calibrated:
-        settings = replace(pipeline.perception.settings, robot_from_source=_robot_from_camera(standing, place_m))
-        pipeline = replace(pipeline, perception=Perception(settings))
-    frames = list(skeleton_frames(body, rate_hz, START_NS))
-    state, next_frame = pipeline.init(), 0
-    state, _ = pipeline.step(state, JointMeasurement(START_NS, ROBOT.joint_names, ROBOT.home_rad), START_NS)
-    joints, simulated, hands, times = [], [], [], []
+        settings = replace(perception.settings, robot_from_source=_robot_from_camera(standing, place_m))
+        perception = Perception(settings)
+    seeing, inferring = perception.init(), pipeline.inference.init()
+    told: list[tuple[int, MotionWindow | PersonPose]] = []
+    for frame in skeleton_frames(bodies(track), rate_hz, START_NS):
+        seeing, windows = perception.step(seeing, (frame,), frame.stamp_ns)
+        if seeing.person is not None:
+            told.append((frame.stamp_ns, seeing.person))
+        for window in windows:
+            inferring, motions = pipeline.inference.step(inferring, window, frame.stamp_ns)
+            told += [(frame.stamp_ns, motion) for motion in motions]
+    return Story(tuple(told), hand_m, rate_hz, START_NS + round(len(track) / rate_hz * 1e9))
+
+
+def play(retargeting: Retargeting, told: Story) -> Episode:
+    """Let the simulated robot answer."""
+    chain, waiting = chain_of(ROBOT), list(told.told)
+    state, _ = retargeting.step(
+        retargeting.init(), JointMeasurement(START_NS, ROBOT.joint_names, ROBOT.home_rad), START_NS
+    )
+    commands, simulated, hands, times = [], [], [], []
     with BulletRobot(ROBOT) as robot:
-        for now_ns in range(START_NS, frames[-1].stamp_ns, TICK_NS):
+        for now_ns in range(START_NS, told.end_ns, TICK_NS):
             started = time.thread_time()
-            state, output = pipeline.step(state, None, now_ns)
+            state, (command,) = retargeting.step(state, None, now_ns)
             times.append((time.thread_time() - started) * 1e3)
-            command = output.commands[-1]
-            while next_frame < len(frames) and frames[next_frame].stamp_ns <= now_ns + TICK_NS // 2:
-                state, _ = pipeline.step(state, (frames[next_frame],), max(now_ns, frames[next_frame].stamp_ns))
-                next_frame += 1
-            where = (now_ns - START_NS) * 1e-9 * rate_hz
-            hands.append([np.interp(where, np.arange(len(true)), column) for column in true.T])
-            joints.append(command.positions_rad)
+            while waiting and waiting[0][0] <= now_ns + TICK_NS // 2:
+                stamp_ns, given = waiting.pop(0)
+                state, _ = retargeting.step(state, given, max(now_ns, stamp_ns))
+            hands.append(told.hand_at(now_ns))
+            commands.append(command)
             simulated.append(chain.tool(robot.measure(now_ns).positions_rad[: len(ROBOT.joint_names)]))
             robot.stiffen(command.stiffness)
             robot.step(command, TICK_NS * 1e-9)
-    refused = sum(count for reason, count in state.retargeting.counts.items() if reason.startswith("refused"))
-    return Episode(np.array(joints), np.array(simulated), np.array(hands), np.array(times), refused)
+    refused = sum(count for reason, count in state.counts.items() if reason.startswith("refused"))
+    return Episode(tuple(commands), np.array(simulated), np.array(hands), np.array(times), refused)
 
 
 def reachable(hands_m: FloatArray) -> FloatArray:
@@ -128,30 +178,24 @@ def main() -> None:
         trials = BUETEPAGE_HR.read(chosen.data / BUETEPAGE_HR.file).train[:: chosen.every]
         arms += [(trial.interaction, "trial", trial.observed_m, trial.rate_hz) for trial in trials]
     model = load(PipelineParameters().model)
+    pipelines = {mix: make_pipeline(PipelineParameters(ik=mix), model) for mix in {"off", *chosen.ik}}
     print("interaction source ik     frames  median cm  p90 cm  before deg  tick ms  refused")
     for name in model.manifest.robot_from_human.by_interaction:
         for source in ("bag", "trial"):
             chosen_arms = [(arm, rate) for other, of, arm, rate in arms if (other, of) == (name, source)]
             learned: list[Episode] = []
+            stories = [story(pipelines["off"], arm, rate, name, not chosen.uncalibrated) for arm, rate in chosen_arms]
             for mix in chosen.ik:
-                pipeline = make_pipeline(PipelineParameters(ik=mix), model)
-                episodes = [play(pipeline, arm, rate, name, not chosen.uncalibrated) for arm, rate in chosen_arms]
+                episodes = [play(pipelines[mix].retargeting, told) for told in stories]
                 learned = learned or episodes
                 if episodes:
-                    print(f"{name:11} {source:6} {mix:6} " + _summary(episodes, learned))
+                    print(f"{name:11} {source:6} {mix:6} " + _summary(episodes, learned), flush=True)
 
 
 def _summary(episodes: list[Episode], learned: list[Episode]) -> str:
-    apart, before, times = [], [], []
-    for episode, other in zip(episodes, learned, strict=True):
-        touch = touching(episode.hand_m)
-        places = np.flatnonzero(touch)
-        within = places[reachable(episode.hand_m[places])]
-        apart.append(np.linalg.norm(episode.simulated_m - episode.hand_m, axis=1)[within])
-        nearing = np.linalg.norm(other.simulated_m - other.hand_m, axis=1) < APPROACH_M
-        first = int(np.argmax(nearing)) if nearing.any() else len(nearing)
-        before.append(np.rad2deg(np.abs(episode.joints_rad - other.joints_rad)[:first].max()))
-        times.append(episode.step_ms)
+    apart = [episode.apart_m() for episode in episodes]
+    before = [episode.before_deg(other) for episode, other in zip(episodes, learned, strict=True)]
+    times = [episode.step_ms for episode in episodes]
     every = np.concatenate(apart) * 100
     middle, most = np.percentile(every, [50, 90]) if len(every) else (np.nan, np.nan)
     typical = np.median(np.concatenate(times))
