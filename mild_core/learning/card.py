@@ -16,10 +16,12 @@ LIMITS = """\
 - It knows the interactions above and no other. What the person does besides them is scored as unknown
   (`out_of_distribution` above 1), but a movement that looks like a known one is taken for it.
 - It copies timing and reach from demonstrations. It does not plan contact: nothing makes hands meet, and nothing here
-  keeps the robot from touching a person. Position, velocity, acceleration and jerk limits are kept by retargeting.
-- Angles are scored and given in one branch: the fifth joint of hand waving is unwrapped by a turn (same pose).
+  keeps the robot from touching a person. Position, velocity, acceleration and jerk limits are kept by retargeting.{own}
 - Not for a robot near people without the protections that its operator is bound to by law and by the robot's maker.
 """
+BRANCH = """
+- Angles are scored and given in one branch: the fifth joint of hand waving is unwrapped by a turn (same pose)."""
+"""Of the one recording in which that is so."""
 
 
 def model_card(manifest: Manifest, recording: Recording, retrain: str) -> str:
@@ -32,6 +34,7 @@ def model_card(manifest: Manifest, recording: Recording, retrain: str) -> str:
     """
     protocol = recording.protocols[manifest.protocol]
     training = manifest.training
+    whose = "the publishers'" if recording.known_as == recording.name else "the"
     parts = [
         f"# Model card: {manifest.name}\n",
         f"{_sentence(protocol.meaning)} Windows of {manifest.window} frames at {manifest.rate_hz:g} Hz; protocol "
@@ -46,12 +49,12 @@ def model_card(manifest: Manifest, recording: Recording, retrain: str) -> str:
         f"{recording.title}: {recording.source}.\n",
         f"Licence: {recording.licence}. The recordings are not part of this package, and this folder stores none of "
         "their windows: networks, Gaussians and a synthetic sample only.\n",
-        f"Trials: {training.get('trials', 'unknown')}, the publishers' {training.get('split', 'training')} split only. "
+        f"Trials: {training.get('trials', 'unknown')}, {whose} {training.get('split', 'training')} split only. "
         f"Seeds: {_listed(training.get('seeds', ()))}. Source revision: {training.get('git_revision', 'unknown')}.\n",
         "## Errors\n",
         errors_text(manifest.errors),
         "## Limits\n",
-        LIMITS,
+        LIMITS.format(own=BRANCH if recording.name == "buetepage_hr" else ""),
         "## To train it again\n",
         f"```\n{retrain}\n```\n",
         *_configured(training),

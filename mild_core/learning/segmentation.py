@@ -28,8 +28,9 @@ REST_SAMPLES = 400
 TRAILING_S = 2.0
 """The other agent may go on for so long after the person is at rest; it still belongs to the trial."""
 
-TOO_SHORT, STAYED, CUT_OFF, GAP = "too short", "hand stayed at rest", "cut off", "gap"
-OTHER_UNSEEN, OTHER_STILL = "other agent not recorded", "other agent stood still"
+TOO_SHORT, TWITCH, CUT_OFF, GAP = "too short", "twitch", "cut off", "gap"
+OTHER_UNSEEN, OTHER_STILL = "other not recorded", "other stood still"
+"""Why a movement is no trial; a twitch is one that stays near the place of rest."""
 
 
 @dataclass(frozen=True)
@@ -181,7 +182,7 @@ def _judged(
     elif back == run.stop:
         fault = CUT_OFF if at_ends[1] else GAP
     elif away[onset:back].max() < settings.near_m:
-        fault = STAYED
+        fault = TWITCH
     elif back - onset < settings.least_s * rate_hz:
         fault = TOO_SHORT
     return Segment(onset, onset, back, back, fault)

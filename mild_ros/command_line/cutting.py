@@ -7,20 +7,23 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mild_core.errors import BagError
-from mild_core.learning.segmentation import Cut, RestToRest, Segment, cut_at_rest
 from mild_core.perception.calibration import Calibration
 from mild_core.retargeting.robot_file import find_robot
 from mild_core.shapes import FloatArray
 from mild_ros.bags import BagReader, open_bag
 from mild_ros.demonstrations.labels import TOPIC, BagLabels, cleaned, for_all, label_each, spans_said
-from mild_ros.demonstrations.settings import CutParameters, DemonstrationSettings
+from mild_ros.demonstrations.settings import SAME, CutParameters, DemonstrationSettings
 from mild_ros.demonstrations.streams import Clock, Streams, judge_clock, read_streams
 from mild_ros.demonstrations.tracks import ArmTrack, Sightings, follow, joints_on_grid, on_grid, perception_of
 from mild_ros.joint_naming import joint_naming
+
+if TYPE_CHECKING:
+    from mild_core.learning.segmentation import Cut, RestToRest, Segment
 
 PERSON, PARTNER, ROBOT = "the person", "the partner", "the robot"
 
@@ -69,6 +72,8 @@ class CutBag:
 
 def rest_to_rest(parameters: CutParameters) -> RestToRest:
     """The parameters as cutting takes them."""
+    from mild_core.learning.segmentation import RestToRest
+
     return RestToRest(**{name: getattr(parameters, name) for name in RestToRest.__dataclass_fields__})
 
 
@@ -85,6 +90,8 @@ def cut_bag(path: Path, settings: DemonstrationSettings, salvage: bool, on_messa
         BagError: The bag cannot be read, lacks a topic, or shows nobody who stands still.
         SetupError: A setting does not fit the bag.
     """
+    from mild_core.learning.segmentation import cut_at_rest
+
     with open_bag(path, salvage=salvage) as bag:
         streams = read_streams(bag, settings, on_message)
         notes = [f"{count} messages: {reason}" for reason, count in sorted(streams.unreadable.items()) if count]
@@ -107,7 +114,8 @@ def _tracks(bag: BagReader, settings: DemonstrationSettings, streams: Streams, n
     person, rest = _followed(bag, settings, PERSON, streams.person, notes)
     tracks = [person]
     if settings.partner is not None:
-        partner, _ = _followed(bag, settings, PARTNER, streams.partner or rest, notes)
+        seen = rest if settings.partner.topic == SAME else streams.partner
+        partner, _ = _followed(bag, settings, PARTNER, seen, notes)
         tracks.append(partner)
     return tracks[::-1] if settings.swap else tracks
 

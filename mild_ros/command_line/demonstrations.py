@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def demonstrations(
-    bags: Annotated[list[Path], typer.Argument(metavar="BAG...", help="Any bags: mcap, sqlite3, ROS 1.")],
+    bags: Annotated[list[Path], typer.Argument(metavar="BAG", help="Any bags: mcap, sqlite3, ROS 1.")],
     out: Annotated[Path, typer.Option(metavar="FOLDER", help="The folder of trials and pictures to write.")],
     robot: Annotated[
         str, typer.Option(metavar="NAME|FILE", help="Whose joint_states answer: yumi, pepper, or a robot file.")
@@ -56,19 +56,19 @@ def demonstrations(
     Without labels it draws the pictures and stops: look at them, then say in a file what each numbered movement is.
     The same file names other topics, trackers and limits; all but [labels] may be left out:
 
-        interactions = ["handshake", "hand_wave"]     # others are left out
-        touching = ["handshake"]                      # hands meet: tells where the person stood before the robot
-        licence = "CC-BY-4.0"                         # for the model card, as is source
-        [person]                                      # parameters of the perception node, and topic
+        interactions = ["handshake", "hand_wave"]  # others are left out
+        touching = ["handshake"]  # hands meet: where did the person stand?
+        licence = "CC-BY-4.0"     # for the model card; so is source
+        [person]                  # parameters of perception, and topic
         source = "nuitrack"
         [robot]
         robot = "my_robot.toml"
-        robot_joint_names = ["joint_a1", "joint_a2"]  # where the bag has other names
-        [cut]
-        rate_hz = 40.0                                # also slow_m_s, near_m, rest_s, margin_s, least_s, clock
+        robot_joint_names = ["joint_a1", "joint_a2"]  # as in the bag
+        [cut]                     # slow_m_s, near_m, rest_s, margin_s, ...
+        rate_hz = 40.0
         [labels]
-        take_1 = "handshake"                          # all of the bag take_1
-        take_2 = ["handshake", "", "hand_wave"]       # one for each movement, "" leaves it out
+        take_1 = "handshake"      # all of the bag take_1
+        take_2 = ["handshake", "", "hand_wave"]  # each; "" leaves it out
         take_3 = [{from_s = 3.0, to_s = 40.0, interaction = "hand_wave"}]
 
     **Check** the pictures. **Train**: the folder is taken wherever a dataset is.
@@ -143,13 +143,17 @@ def _cut_all(paths: list[Path], settings: DemonstrationSettings, salvage: bool) 
     return cut
 
 
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}{'s' * (count != 1)}"
+
+
 def _summary(cut: list[CutBag]) -> str:
     """How many trials of what, and what was left out and why."""
     from mild_ros.command_line.cutting import left_out
 
     trials = Counter(one.interaction for bag in cut for one in bag.movements if not one.fault)
     told = ", ".join(f"{count} {name}" for name, count in sorted(trials.items()))
-    text = f"{trials.total()} trials from {len(cut)} bag{'s' * (len(cut) != 1)}" + (f": {told}" if told else "")
+    text = f"{_counted(trials.total(), 'trial')} from {_counted(len(cut), 'bag')}" + (f": {told}" if told else "")
     faults = left_out(cut)
     if faults:
         text += f"; {faults.total()} left out: " + ", ".join(f"{count} {why}" for why, count in sorted(faults.items()))

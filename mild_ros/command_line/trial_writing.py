@@ -7,14 +7,11 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mild_core.inference.manifest import ControlledAgent, HumanPlacement, ObservedAgent
-from mild_core.learning.contact import fit_contact
-from mild_core.learning.datasets.traj_data import from_the_shoulder
-from mild_core.learning.demonstration import Demonstration
-from mild_core.learning.trials import TrialEntry, Trials, write_trials
 from mild_core.perception.arm import with_bone_lengths
 from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.robot_file import find_robot
@@ -24,6 +21,10 @@ from mild_ros.assembly.perception import robot_from_camera
 from mild_ros.command_line.cutting import CutBag, Movement, mean_bones_m
 from mild_ros.demonstrations.settings import DemonstrationSettings
 from mild_ros.viewing.figures.segments import Curve, ShownMovement, colours_of, draw_segments
+
+if TYPE_CHECKING:
+    from mild_core.learning.demonstration import Demonstration
+    from mild_core.learning.trials import TrialEntry
 
 FACING_RAD = math.pi
 """Of the person's forward axis in the robot's base frame, where hands meeting is all that is known."""
@@ -70,6 +71,8 @@ def write(cut: Sequence[CutBag], settings: DemonstrationSettings, out: Path, tes
     Raises:
         SetupError: Hands are said to meet in an interaction of which there is no trial.
     """
+    from mild_core.learning.trials import TrialEntry, Trials, write_trials
+
     robot = find_robot(settings.robot.robot) if settings.robot else None
     bones = [mean_bones_m(cut, place) for place in range(1 if robot else 2)]
     entries: list[TrialEntry] = []
@@ -107,6 +110,8 @@ def _demonstration(
     robot: RobotModel | None,
 ) -> Demonstration:
     """A trial as it will be read: every arm from its own shoulder, with the bones of them all."""
+    from mild_core.learning.demonstration import Demonstration
+
     frames = slice(one.segment.begin, one.segment.end)
     others = bag.others[frames]
     active = np.zeros(len(others))
@@ -124,6 +129,8 @@ def _demonstration(
 
 
 def _arm(arm_m: FloatArray, bones: tuple[float, float]) -> FloatArray:
+    from mild_core.learning.datasets.traj_data import from_the_shoulder
+
     return from_the_shoulder(with_bone_lengths(arm_m, bones))
 
 
@@ -139,6 +146,8 @@ def _placement(
     Raises:
         SetupError: There is no trial in which hands meet, or `robot_from_camera` is no pose.
     """
+    from mild_core.learning.contact import fit_contact
+
     pose = robot_from_camera(settings.person.robot_from_camera)
     if pose is not None:
         places = [pose[:3, :3] @ bag.calibrations[0].shoulder_m + pose[:3, 3] for bag in cut]

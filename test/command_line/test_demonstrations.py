@@ -49,7 +49,7 @@ protocol = "ahead"
 [settings]
 stride = 6
 gradient_stride = 6
-epochs = 80
+epochs = 60
 members = 1
 recogniser = false
 """
@@ -121,6 +121,10 @@ def test_the_model_of_these_trials_beats_the_means_on_trials_that_it_has_not_see
     assert (manifest.rate_hz, manifest.window, manifest.training["dataset"]) == (15.0, 15, "trials")
     np.testing.assert_allclose(manifest.observed.bone_lengths_m, (0.29, 0.335), atol=1e-6)
     assert set(manifest.robot_from_human.by_interaction) == {"handshake"}
+    card = (folder / "model" / "REPORT.md").read_text()
+    assert "Licence: not stated" in card
+    assert "the train split only" in card
+    assert "publishers" not in card
 
     recording = recording_named(str(folder / "trials"))
     read, protocol = recording.read(folder / "trials"), recording.protocols["ahead"]
@@ -191,7 +195,7 @@ def test_two_people_are_brought_onto_one_clock(people: tuple[Path, Session, Sess
     assert run("demonstrations", str(folder / "both"), *options) == 0
     told = capsys.readouterr().out
     assert "the clock of the partner is 1234.5 s off the recorder's: moved" in told
-    assert "2 trials from 1 bag: 1 handshake, 1 high_five; 2 left out: 1 other agent not recorded, 1 unlabelled" in told
+    assert "2 trials from 1 bag: 1 handshake, 1 high_five; 2 left out: 1 other not recorded, 1 unlabelled" in told
     recording = recording_named(str(folder / "trials"))
     assert (recording.robot, recording.controlled_names) == ("", ("shoulder", "elbow", "hand"))
     text = (folder / "trials" / "trials.toml").read_text()
@@ -261,11 +265,22 @@ def test_what_cannot_be_cut_is_one_line(short: Path, tmp_path: Path, capsys, opt
     assert not (tmp_path / "out" / "trials.toml").exists()
 
 
-def test_odd_labels_are_counted_and_the_rest_is_written(short: Path, tmp_path: Path, capsys) -> None:
-    (tmp_path / "cut.toml").write_text(CONFIG.replace('touching = ["handshake"]', 'label = "topic:/label"'))
+def test_odd_labels_are_counted_and_a_calibrated_camera_tells_where_the_person_stood(
+    short: Path, tmp_path: Path, capsys
+) -> None:
+    robot_from_arm = np.array([[-1.0, 0, 0, 1.2], [0, -1.0, 0, -0.1], [0, 0, 1.0, 0.4], [0, 0, 0, 1.0]])
+    pose = robot_from_arm @ Camera().arm_from_camera
+    (x, y, z), turn = pose[:3, 3], pose[:3, :3]
+    roll, pitch, yaw = np.arctan2(turn[2, 1], turn[2, 2]), -np.arcsin(turn[2, 0]), np.arctan2(turn[1, 0], turn[0, 0])
+    person = f'[person]\nrobot_from_camera = "{x} {y} {z} {roll} {pitch} {yaw}"'
+    config = CONFIG.replace('touching = ["handshake"]', 'label = "topic:/label"').replace("[person]", person)
+    (tmp_path / "cut.toml").write_text(config)
     options = ("--config", str(tmp_path / "cut.toml"), "--out", str(tmp_path / "out"))
     assert run("demonstrations", str(short / "one"), *options) == 0
-    assert "1 trials from 1 bag: 1 hand_wave; 1 left out: 1 unusable label" in capsys.readouterr().out
+    assert "1 trial from 1 bag: 1 hand_wave; 1 left out: 1 unusable label" in capsys.readouterr().out
+    placed = recording_named(str(tmp_path / "out")).placement
+    assert placed is not None
+    np.testing.assert_allclose((*placed.translation_m, abs(placed.yaw_rad)), (1.2, -0.1, 0.4, np.pi), atol=1e-3)
 
 
 def test_nobody_who_stands_still_is_one_line(tmp_path: Path, capsys) -> None:

@@ -120,9 +120,8 @@ def _name(axes: Axes, movements: Sequence[ShownMovement]) -> None:
     """Number and name above each movement; above what is left out, why."""
     for movement in movements:
         words = spoken(movement.fault or movement.interaction)
-        text = f"{movement.number}: {words}" if movement.number else words
         axes.annotate(
-            text.replace(" ", "\n", 1) if movement.number else text.replace(" ", "\n"),
+            f"{movement.number}\n{words}" if movement.number else words,
             (0.5 * (movement.onset_s + movement.back_s), 1.0),
             xycoords=("data", "axes fraction"),
             xytext=(0, 2),
@@ -130,6 +129,7 @@ def _name(axes: Axes, movements: Sequence[ShownMovement]) -> None:
             ha="center",
             va="bottom",
             fontsize=6,
+            rotation=0 if movement.number else 90,  # what is left out may be as short as a twitch
             color=GREY if movement.fault else INK,
         )
 

@@ -9,8 +9,8 @@ from mild_core.learning.segmentation import (
     GAP,
     OTHER_STILL,
     OTHER_UNSEEN,
-    STAYED,
     TOO_SHORT,
+    TWITCH,
     RestToRest,
     cut_at_rest,
     speeds,
@@ -72,7 +72,7 @@ def test_what_is_no_trial_says_why():
         return [segment.fault for segment in cut(movements, **options).segments]
 
     assert faults([(5.0, 5.8)]) == [TOO_SHORT]
-    assert faults([(5.0, 6.2)], reach_m=0.12) == [STAYED]
+    assert faults([(5.0, 6.2)], reach_m=0.12) == [TWITCH]
     assert faults([(-1.0, 3.0), (10.0, 14.0), (28.0, 32.0)]) == [CUT_OFF, "", CUT_OFF]
     assert faults([]) == []
 
