@@ -81,6 +81,7 @@ class LiveRoom(Room):
 
     def _live(self) -> None:
         now_ns = self.now_ns()
+        self.longest_pause_s = max(self.longest_pause_s, (now_ns - self._due_ns) * 1e-9)
         self._due_ns = max(self._due_ns, now_ns - LATEST_NS)
         while self._due_ns <= now_ns:
             for message in self._see(self._due_ns):

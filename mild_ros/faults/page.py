@@ -20,7 +20,9 @@ other time is named, and stays so until the fault is over; it *rests for a while
 way*, to where it was pushed; or it *goes on* following. Each fault must raise all of its counters in `/diagnostics`.
 
 Faults of messages and of the clock happen to the `pipeline` in simulated time, so their figures are the same on any
-machine; those marked *live* happen in real time to `perception`, `inference`, `retargeting` and `simulation`.
+machine; those marked *live* happen in real time to `perception`, `inference`, `retargeting` and `simulation`. One of
+these happens again, up to three times in all, where the machine was too busy to do what is written; a broken limit is
+never excused.
 
 | Fault | What happens | The robot | at rest after | follows again after | counted in `/diagnostics` |
 |---|---|---|---|---|---|

@@ -54,6 +54,7 @@ class Room(ABC):
         modes: All modes so far, and when they were heard [ns].
         human: Who stands before the tracker.
         heard_rad: (J,) where the robot said last that it is.
+        longest_pause_s: Longest time that this process got no time in which it should have played its part.
     """
 
     def __init__(self, nodes: Nodes, domain: int, names: Sequence[str]) -> None:
@@ -61,6 +62,7 @@ class Room(ABC):
         self.modes: list[tuple[int, str]] = []
         self.human = Human()
         self.heard_rad: FloatArray = ROBOT.home_rad
+        self.longest_pause_s = 0.0
         self._nodes, self._encoded, self._names = nodes, EncodedPeople(), set(names)
         self._reports: dict[str, tuple[float, dict[str, str]]] = {}
         self._fault: Fault | None = None
