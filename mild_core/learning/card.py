@@ -12,7 +12,7 @@ from mild_core.learning.recording import Recording
 from mild_core.learning.units import UNITS
 
 LIMITS = """\
-- Learned from few trials with one robot: a person of other habits is a person it has not met.
+- Learned from few trials of few people: a person of other habits is a person it has not met.
 - It knows the interactions above and no other. What the person does besides them is scored as unknown
   (`out_of_distribution` above 1), but a movement that looks like a known one is taken for it.
 - It copies timing and reach from demonstrations. It does not plan contact: nothing makes hands meet, and nothing here
@@ -112,7 +112,7 @@ def errors_text(errors: Mapping[str, Any]) -> str:
     unit, key = UNITS[found["unit"]], rmse_key(found)
     lines = [
         f"Measured on {found['date']} by {found['folds']}-fold cross-validation over the training trials (a fold is "
-        f"the index within the interaction modulo {found['folds']}), {found['seeds']} seeds, protocol "
+        f"the index within the interaction modulo {found['folds']}), seeds: {found['seeds']}, protocol "
         f"`{found['protocol']}`; mean ± standard deviation over seeds. The model in this folder learned from all "
         "training trials, so its own error on them says nothing.\n",
         f"| method | labels | macro [{unit.squared_shown}] |",
