@@ -3,14 +3,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from mild_core.errors import unknown_name
+from mild_core.errors import DatasetError, unknown_name
 from mild_core.learning.demonstration import Demonstration
 from mild_core.shapes import FloatArray
 from mild_core.signals import FeatureWindow
@@ -151,6 +151,18 @@ def cut(demonstration: Demonstration, protocol: Protocol) -> Windows:
     observed = np.moveaxis(sliding_window_view(features, width, axis=0), -1, 1)[:count]
     controlled = np.moveaxis(sliding_window_view(trial.controlled, width, axis=0), -1, 1)[first : first + count]
     return Windows(np.ascontiguousarray(observed), np.ascontiguousarray(controlled))
+
+
+def require_windows(demonstrations: Sequence[Demonstration], protocol: Protocol) -> None:
+    """Refuse a trial that has no window.
+
+    Raises:
+        DatasetError: It is too short for one.
+    """
+    for trial in demonstrations:
+        if not protocol.windows_of(trial.frames // protocol.keep_every):
+            problem = f"its {trial.frames} frames are too few for one window and its answer, protocol '{protocol.name}'"
+            raise DatasetError(f"trial {trial.trial} ({trial.interaction})", problem, "leave it out")
 
 
 def onset_window(demonstration: Demonstration, protocol: Protocol, after_s: float = 0.0) -> int:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from mild_core.learning.comparison import Row
     from mild_core.learning.configuration import Configuration
     from mild_core.learning.cross_validation import Job, Result
+    from mild_core.learning.demonstration import Demonstration
     from mild_core.learning.recording import Recording
     from mild_core.learning.units import Unit
 
@@ -94,11 +95,10 @@ def cross_validate(request: Request, out: Path, as_json: bool) -> None:
     from mild_core.learning.comparison import compare
     from mild_core.learning.configuration import configuration_for
     from mild_core.learning.cross_validation import jobs_of
-    from mild_core.learning.folds import require_folds
     from mild_core.learning.methods import METHODS
 
     recording, seeds = request.recording, request.seeds
-    require_folds(recording.read(request.path).train, recording.interactions)  # said before anything else starts
+    _require_trials(request)  # said before anything else starts
     tables = {}
     for protocol in request.protocols:
         wanted = request.methods or tuple(METHODS)
@@ -111,6 +111,22 @@ def cross_validate(request: Request, out: Path, as_json: bool) -> None:
         _leave(tables[protocol], rows, recording.unit, out, as_json)
     if as_json:
         print(json.dumps(tables if len(tables) > 1 else tables[request.protocols[0]], indent=1))
+
+
+def _require_trials(request: Request) -> tuple[Demonstration, ...]:
+    """The training trials, once they can be divided and cut.
+
+    Raises:
+        DatasetError: They cannot.
+    """
+    from mild_core.learning.folds import require_folds
+    from mild_core.learning.windows import require_windows
+
+    trials = request.recording.read(request.path).train
+    require_folds(trials, request.recording.interactions)
+    for protocol in request.protocols:
+        require_windows(trials, request.recording.protocols[protocol])
+    return trials
 
 
 def _leave(table: Mapping[str, Any], rows: Sequence[Row], unit: Unit, out: Path, as_json: bool) -> None:
@@ -136,12 +152,9 @@ def _leave(table: Mapping[str, Any], rows: Sequence[Row], unit: Unit, out: Path,
 
 def tell_unknown(request: Request, out: Path, as_json: bool) -> None:
     """Leave each interaction out, print and write how well it is told unknown, per protocol."""
-    from mild_core.learning.folds import require_folds
     from mild_core.learning.unknown import leave_one_out
 
-    recording = request.recording
-    trials = recording.read(request.path).train
-    require_folds(trials, recording.interactions)
+    recording, trials = request.recording, _require_trials(request)
     shown = tuple(name for name in recording.interactions if any(trial.interaction == name for trial in trials))
     if len(shown) < LEAST_INTERACTIONS:
         raise SetupError(

@@ -96,21 +96,28 @@ def train(
     measured = _measured(errors, asked, recording)
     trials = _trials(recording, data or recording.default_path())
     out.mkdir(parents=True, exist_ok=True)  # a folder that cannot be written is said before an hour of training
-    from mild_core.learning.carry_over import start_of
-    from mild_core.learning.checkpoint import FOLDER, Checkpoint, identity
-    from mild_core.learning.training import train as train_model
-
-    protocol = recording.protocols[asked.protocol]
-    start = start_of(asked)
-    checkpoint = Checkpoint(out / FOLDER, identity(trials, protocol, settings, asked.seed, start))
-    resume = checkpoint.read(settings.members)
-    epochs_of = train_model(trials, protocol, settings, asked.seed, recording.interactions, start, resume)
-    trained = _finished(epochs_of, settings, checkpoint)
+    trained, checkpoint = _learned(trials, asked, recording, out)
     chosen = [f"--config {config or LIVE}"] * bool(config or not dataset) + [f"--dataset {dataset}"] * bool(dataset)
     command = f"mild train {' '.join(chosen)} --seed {asked.seed} --epochs {settings.epochs}"
     command += f" --members {settings.members} --out {out}" + (f" --errors {errors}" if errors else "")
     _write(out, trained, trials, (asked, recording), measured, command)
     checkpoint.remove()
+
+
+def _learned(
+    trials: tuple[Demonstration, ...], asked: Configuration, recording: Recording, out: Path
+) -> tuple[TrainedModel, Checkpoint]:
+    """The interactions that the trials show, learned from the beginning or from where it was interrupted."""
+    from mild_core.learning.carry_over import start_of
+    from mild_core.learning.checkpoint import FOLDER, Checkpoint, identity
+    from mild_core.learning.training import train as train_model
+
+    protocol, settings, start = recording.protocols[asked.protocol], asked.settings, start_of(asked)
+    checkpoint = Checkpoint(out / FOLDER, identity(trials, protocol, settings, asked.seed, start))
+    shown = tuple(name for name in recording.interactions if any(trial.interaction == name for trial in trials))
+    resume = checkpoint.read(settings.members)
+    epochs = train_model(trials, protocol, settings, asked.seed, shown, start, resume)
+    return _finished(epochs, settings, checkpoint), checkpoint
 
 
 def _trials(recording: Recording, path: Path) -> tuple[Demonstration, ...]:
@@ -242,9 +249,11 @@ def _placement(recording: Recording, trials: tuple[Demonstration, ...]) -> Human
     from mild_core.learning.export import ORIGIN
     from mild_core.retargeting.robots import ROBOTS
 
-    if recording.placement is not None or not recording.touching:
+    shown = {trial.interaction for trial in trials}
+    touching = tuple(name for name in recording.touching if name in shown)
+    if recording.placement is not None or not touching:
         return recording.placement or ORIGIN
-    return fit_contact(trials, ROBOTS[recording.robot], recording.touching).placement()
+    return fit_contact(trials, ROBOTS[recording.robot], touching).placement()
 
 
 def _revision() -> str:

@@ -160,6 +160,12 @@ def test_too_few_trials_for_folds_are_said_before_anything_starts(tmp_path, caps
     )
     assert run("evaluate", "--cv", "--data", str(data), "--out", str(tmp_path / "out")) == 2
     assert "interaction 'handshake' has 2 training trials" in capsys.readouterr().err
+    frames = [79, *[90] * 15]
+    tracks, labels = [track(i, n) for i, n in enumerate(frames)], [one_hot(i // 4, n) for i, n in enumerate(frames)]
+    for what in ("--cv", "--unknown"):
+        write(tmp_path / "a.npz", tracks, labels)
+        assert run("evaluate", what, "--data", str(data), "--protocol", "ahead") == 2
+        assert "trial 0 (hand_wave): its 79 frames are too few" in capsys.readouterr().err
     write(tmp_path / "a.npz", [], [])
     assert run("evaluate", "--cv", "--data", str(data)) == 2
     assert "training split is empty" in capsys.readouterr().err

@@ -217,6 +217,15 @@ def test_a_trial_too_short_for_the_prior_is_one_line(tmp_path, capsys):
     assert "Traceback" not in told
 
 
+def test_a_recording_of_one_interaction_makes_a_model_that_knows_no_other(tmp_path):
+    tracks = [smooth_track(index, 240) for index in range(3)]
+    data = write(tmp_path / "one.npz", tracks, [one_hot(2, 240)] * 3)
+    (tmp_path / "mine.toml").write_text(MINE)
+    options = ("--config", str(tmp_path / "mine.toml"), "--data", str(data), "--out", str(tmp_path / "made"))
+    assert run("train", *options, *QUICK) == 0
+    assert load_model(tmp_path / "made").manifest.interactions == ("rocket",)
+
+
 def test_one_trial_is_no_recording_to_learn_from(tmp_path, capsys):
     one = write(tmp_path / "one.npz", [smooth_track(0, 320)], [one_hot(0, 320)])
     assert run("train", "--data", str(one), "--out", str(tmp_path / "made"), *QUICK) == 2
