@@ -27,6 +27,10 @@ STAND_INS = {"hand": "wrist", "wrist": "hand"}
 """Trackers with one of the two: segments are scaled to the model's lengths, so only their direction counts."""
 
 
+UNSEEN: Point = (math.nan, math.nan, math.nan)
+"""Where a joint is that was not seen."""
+
+
 class Body(NamedTuple):
     """One frame of a person as plain numbers, taken out of the arrays once.
 
@@ -103,6 +107,21 @@ def believed(body: Body, names: Sequence[str], min_confidence: float, zero_root_
             raise DataError("low_confidence", f"{name} has {body.confidence[place]:.2f}, needs {min_confidence:.2f}")
         points.append((x, y, z))
     return points
+
+
+def believed_place(body: Body, name: str, min_confidence: float) -> Point:
+    """Position [m] of one joint that may be missing: `UNSEEN` when it is, or cannot be believed."""
+    place = body.places.get(name)
+    if place is None or not body.confidence[place] >= min_confidence or not usable(body.points[place]):
+        return UNSEEN
+    x, y, z = body.points[place]
+    return x, y, z
+
+
+def middle(one: Point, other: Point) -> Point:
+    """Half way between two places; not a number when one of them was not seen."""
+    (ax, ay, az), (bx, by, bz) = one, other
+    return (ax + bx) / 2.0, (ay + by) / 2.0, (az + bz) / 2.0
 
 
 def bone_lengths(points: Sequence[Point]) -> tuple[float, ...]:

@@ -17,14 +17,14 @@ import numpy as np
 
 from mild_core.errors import DataError
 from mild_core.perception.calibration import Calibration
-from mild_core.perception.gates import Body, Point, believed, seen_joint
+from mild_core.perception.gates import Body, Point, believed, believed_place, middle, seen_joint
 from mild_core.perception.skeletons.source import Axes
 from mild_core.shapes import FloatArray
 
 FULL_SECOND = 0.99
 """Of the neutral second, as stamps jitter."""
 
-_SHOULDERS = ("left_shoulder", "right_shoulder")
+_SHOULDERS, _HIPS = ("left_shoulder", "right_shoulder"), ("left_hip", "right_hip")
 _FACING = (("head", "nose"), ("left_ankle", "left_foot"), ("right_ankle", "right_foot"))
 _UP: dict[str, Point] = {"optical": (0.0, -1.0, 0.0), "rep103": (0.0, 0.0, 1.0)}
 
@@ -181,16 +181,16 @@ def check_trunk(body: Body, calibration: Calibration, min_confidence: float) -> 
     Raises:
         DataError: `mirrored` or `wrong_up_axis`.
     """
-    try:
-        (left, right), pelvis = believed(body, _SHOULDERS, min_confidence), _pelvis(body, min_confidence)
-    except DataError:
+    left, right = [believed_place(body, name, min_confidence) for name in _SHOULDERS]
+    pelvis = believed_place(body, "pelvis", min_confidence)
+    if "pelvis" not in body.places:
+        pelvis = middle(*[believed_place(body, name, min_confidence) for name in _HIPS])
+    if math.isnan(pelvis[0]):
         return
     _, along, up = calibration.arm_from_source.tolist()
-    across = tuple(a - b for a, b in zip(left, right, strict=True))
-    if _dot(across, along) < -STEEPEST_COSINE * math.hypot(*across):
+    if _cosine(right, left, along) < -STEEPEST_COSINE:
         raise DataError("mirrored", "left and right are swapped all of a sudden, or the person has turned round")
-    rising = tuple((a + b) / 2.0 - c for a, b, c in zip(left, right, pelvis, strict=True))
-    if _dot(rising, up) < STEEPEST_COSINE * math.hypot(*rising):
+    if _cosine(pelvis, middle(left, right), up) < STEEPEST_COSINE:
         raise DataError("wrong_up_axis", "the trunk does not stand upright any more: have the axes changed?")
 
 
@@ -209,8 +209,11 @@ def _check_axes(body: FloatArray, middle_m: FloatArray, facing_m: FloatArray, fr
         raise DataError("mirrored", f"{seen}; or left and right are swapped, by left-handed axes or joint names")
 
 
-def _dot(one: Sequence[float], other: Sequence[float]) -> float:
-    return sum([a * b for a, b in zip(one, other, strict=True)])
+def _cosine(start: Point, end: Point, unit: Sequence[float]) -> float:
+    """Of the angle between a way and a unit vector; not a number for no way, or an end that was not seen."""
+    x, y, z = end[0] - start[0], end[1] - start[1], end[2] - start[2]
+    length = math.sqrt(x * x + y * y + z * z)
+    return (x * unit[0] + y * unit[1] + z * unit[2]) / length if length else math.nan
 
 
 def _nearest_axis(direction: FloatArray) -> str:
@@ -228,5 +231,5 @@ def _pelvis(body: Body, min_confidence: float) -> Point:
     """The pelvis, or the middle of the hips for trackers without one."""
     if "pelvis" in body.places or "left_hip" not in body.places:
         return believed(body, ("pelvis",), min_confidence)[0]
-    (ax, ay, az), (bx, by, bz) = believed(body, ("left_hip", "right_hip"), min_confidence)
+    (ax, ay, az), (bx, by, bz) = believed(body, _HIPS, min_confidence)
     return ((ax + bx) / 2.0, (ay + by) / 2.0, (az + bz) / 2.0)

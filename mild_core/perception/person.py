@@ -4,13 +4,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
-from mild_core.errors import DataError
 from mild_core.perception.calibration import Calibration
-from mild_core.perception.gates import Body, Point, believed
+from mild_core.perception.gates import UNSEEN, Body, Point, believed_place, middle
 from mild_core.shapes import FloatArray
 from mild_core.signals import ARM_FRAME, ROBOT_FRAME, PersonPose
 
@@ -19,8 +17,6 @@ HAND_FROM_WRIST_M = 0.08
 is 0.19 m long, of which the palm is the first 0.11."""
 
 SHOULDERS, HIPS = ("left_shoulder", "right_shoulder"), ("left_hip", "right_hip")
-
-UNSEEN: Point = (math.nan, math.nan, math.nan)
 
 
 def person_pose(
@@ -40,21 +36,12 @@ def person_pose(
         min_confidence: Least confidence of a joint that is used.
         arm_believed: Whether the arm passed the gates; a hand on an arm that did not is not told.
     """
-
-    def middle(names: Sequence[str]) -> Point:
-        """Between joints, if all are to be believed."""
-        try:
-            points = believed(body, names, min_confidence)
-        except DataError:
-            return UNSEEN
-        if len(points) == 1:
-            return points[0]
-        (ax, ay, az), (bx, by, bz) = points
-        return (ax + bx) / 2.0, (ay + by) / 2.0, (az + bz) / 2.0
-
-    hips = middle(("pelvis",)) if "pelvis" in body.places else middle(HIPS)
+    hips = believed_place(body, "pelvis", min_confidence)
+    if "pelvis" not in body.places:
+        hips = middle(*[believed_place(body, name, min_confidence) for name in HIPS])
+    shoulders = middle(*[believed_place(body, name, min_confidence) for name in SHOULDERS])
     hand = _hand(body, calibration.side, min_confidence) if arm_believed else UNSEEN
-    seen = np.array([hand, middle(("head",)), middle(SHOULDERS), hips])
+    seen = np.array([hand, believed_place(body, "head", min_confidence), shoulders, hips])
     if robot_from_source is None:
         placed, frame = (seen - calibration.shoulder_m) @ calibration.arm_from_source.T, ARM_FRAME
     else:
@@ -65,13 +52,9 @@ def person_pose(
 
 def _hand(body: Body, side: str, min_confidence: float) -> Point:
     """The tracked hand, or what lies beyond the wrist."""
-    names = (f"{side}_elbow", f"{side}_wrist", f"{side}_hand")
-    try:
-        if names[2] in body.frame.joint_names:
-            return believed(body, names[2:], min_confidence)[0]
-        elbow, wrist = believed(body, names[:2], min_confidence)
-    except DataError:
-        return UNSEEN
+    if f"{side}_hand" in body.frame.joint_names:
+        return believed_place(body, f"{side}_hand", min_confidence)
+    elbow, wrist = [believed_place(body, f"{side}_{part}", min_confidence) for part in ("elbow", "wrist")]
     beyond = HAND_FROM_WRIST_M / max(math.dist(elbow, wrist), 1e-6)
-    x, y, z = (end + beyond * (end - start) for start, end in zip(elbow, wrist, strict=True))
+    x, y, z = [end + beyond * (end - start) for start, end in zip(elbow, wrist, strict=True)]
     return x, y, z

@@ -101,12 +101,12 @@ class PerceptionSettings:
         """The model's joints as a skeleton names them ("right_shoulder", ...)."""
         return tuple(f"{self.side}_{name}" for name in self.joint_names)
 
-    @property
+    @cached_property
     def max_gap_ns(self) -> int:
         """`max_gap_s` in nanoseconds."""
         return round(self.max_gap_s * 1e9)
 
-    @property
+    @cached_property
     def forget_ns(self) -> int:
         """`forget_s` in nanoseconds."""
         return round(self.forget_s * 1e9)

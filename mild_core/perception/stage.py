@@ -145,7 +145,7 @@ class Perception:
     def _in_known_frame(self, state: PerceptionState, people: tuple[SkeletonFrame, ...]) -> tuple[SkeletonFrame, ...]:
         """Those whose positions are in the tf frame that was asked for, calibrated in, or seen first."""
         wanted = self._wanted_frame(state)
-        return tuple(person for person in people if person.frame_id == wanted) if wanted else people
+        return tuple([person for person in people if person.frame_id == wanted]) if wanted else people
 
     def _wanted_frame(self, state: PerceptionState) -> str:
         for known in (self.settings, state.calibration, state.lock):
@@ -167,7 +167,7 @@ class Perception:
         self, state: PerceptionState, people: tuple[SkeletonFrame, ...], events: Counter[str]
     ) -> PerceptionState:
         """Begin anew when time goes back by more than late messages may be late: a bag that loops."""
-        newest_ns = max((person.stamp_ns for person in people), default=None)
+        newest_ns = max([person.stamp_ns for person in people], default=None)
         if newest_ns is None or state.lock is None or newest_ns >= state.lock.stamp_ns - self.settings.max_gap_ns:
             return state
         events["time_reset"] += 1

@@ -16,12 +16,12 @@ from launch.substitutions import (
     PythonExpression,
 )
 from launch_ros.actions import Node
-from launch_ros.parameter_descriptions import ParameterValue
+from launch_ros.parameter_descriptions import ParameterFile, ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
 ARGUMENTS = {
     "namespace": ("", "Before every name: one for each robot and its person."),
-    "config": ("yumi", "Parameters: a name in share/mild_ros/config."),
+    "config": ("yumi", "Parameters: a name in share/mild_ros/config; with a section for `replay` the bag's `source`."),
     "skeleton_topic": ("", "Topic of the skeletons in the bag; empty finds it by its type."),
     "rate": ("1.0", "2.0 is twice as fast."),
     "start_s": ("0.0", "How much of the beginning to skip."),
@@ -35,7 +35,9 @@ ARGUMENTS = {
 def generate_launch_description() -> LaunchDescription:
     """What `ros2 launch` runs."""
     given = {name: LaunchConfiguration(name) for name in ("bag", *ARGUMENTS)}
-    simulated = PathJoinSubstitution([FindPackageShare("mild_ros"), "launch", "simulation.launch.py"])
+    share = FindPackageShare("mild_ros")
+    config = ParameterFile([PathJoinSubstitution([share, "config", given["config"]]), ".yaml"])
+    simulated = PathJoinSubstitution([share, "launch", "simulation.launch.py"])
     simulation = IncludeLaunchDescription(
         PythonLaunchDescriptionSource(simulated),
         launch_arguments=[(name, given[name]) for name in ("namespace", "config", "gui")],
@@ -50,7 +52,7 @@ def generate_launch_description() -> LaunchDescription:
         executable="replay",
         name="replay",
         namespace=given["namespace"],
-        parameters=[{**texts, **numbers, **flags, "subscribers": listeners, "patience_s": 300.0}],
+        parameters=[config, {**texts, **numbers, **flags, "subscribers": listeners, "patience_s": 300.0}],
         output="screen",
         on_exit=Shutdown(reason="the bag has ended"),
     )

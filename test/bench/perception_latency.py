@@ -2,14 +2,15 @@
 """How long one skeleton takes through perception: `python -m test.bench.perception_latency`.
 
 One thread, a body of 32 joints at the model's rate, from people to window and person; and what reading the tracker's
-bytes takes before it. The best median of several runs, as other processes only ever make it longer.
+bytes takes before it. Time of the processor, not of the wall, and the best median of several runs: other processes only
+ever make it longer.
 """
 
 from __future__ import annotations
 
 import gc
 from collections.abc import Callable
-from time import perf_counter_ns
+from time import thread_time_ns
 from typing import Any
 
 import numpy as np
@@ -30,9 +31,9 @@ def microseconds(one: Callable[[Any], Any], inputs: list[Any]) -> float:
     gc.collect()
     gc.disable()
     for index, given in enumerate(inputs):
-        start = perf_counter_ns()
+        start = thread_time_ns()
         one(given)
-        times[index] = perf_counter_ns() - start
+        times[index] = thread_time_ns() - start
     gc.enable()
     return float(np.median(times)) / 1e3
 

@@ -12,7 +12,17 @@ import pytest
 
 from test.packaging.trees import ROOT, copy_of_checkout, run, venv_beside_ours
 
-EXECUTABLES = {"perception", "inference", "retargeting", "pipeline", "simulation", "replay", "record", "mild"}
+EXECUTABLES = {
+    "perception",
+    "inference",
+    "retargeting",
+    "pipeline",
+    "simulation",
+    "markers",
+    "replay",
+    "record",
+    "mild",
+}
 ASK = """
 import pathlib, mild_core, mild_ros
 from ament_index_python.packages import get_package_prefix, get_package_share_directory

@@ -11,7 +11,7 @@ import yaml
 
 from mild_core.retargeting.robot_file import find_robot
 from mild_ros.assembly.perception import manifest_of
-from mild_ros.assembly.retargeting import make_retargeting
+from mild_ros.assembly.robot import check_fit
 from mild_ros.bag_settings import RecordParameters, ReplayParameters
 from mild_ros.controllers import OUTPUTS
 from mild_ros.joint_naming import joint_naming
@@ -32,14 +32,13 @@ def test_every_configuration_is_accepted(path: Path) -> None:
     assert all(name.startswith("/**/") for name in names), "fits any namespace"
     for name in names:
         node = name.removeprefix("/**/")
-        given = read_parameters(NODES[node], node, path.stem)
+        given = read_parameters(PARAMETERS[node], node, path.stem)
         assert find_robot(given.robot).name == given.robot
     given = read_parameters(PipelineParameters, "pipeline", path.stem)
     assert set(given.outputs) <= OUTPUTS.keys()
     joint_naming(find_robot(given.robot).joint_names, given.robot_joint_names)
     if given.model in model_names():
-        robot = make_retargeting(given, manifest_of(given.model)).robot
-        assert robot.name == given.robot, "the model moves this robot"
+        check_fit(given.model, manifest_of(given.model).controlled, find_robot(given.robot))  # raises when it does not
     else:
         assert given.model in CONFIGURATIONS_TO_LEARN, "there is no such model, and no way to get it"
 

@@ -179,7 +179,7 @@ def test_motion_capture_and_a_partners_arm_reach_pepper_through_three_nodes(
     tracker = {"source": "motion_capture", "joint_names": tuple(places), "joint_places": tuple(places.values())}
     handshake = next(scene for scene in SCENES if scene.name == "handshake")
     with create_bag(tmp_path / "bag") as bag:
-        for frame in skeleton_frames(bodies(arm_track(handshake, 20.0)[:100]), 20.0, 10**18):
+        for frame in skeleton_frames(bodies(arm_track(handshake, 20.0)[:70]), 20.0, 10**18):
             for topic, message in driver.messages(frame):
                 bag.write(topic, type_name_of(message), frame.stamp_ns, encode(message))
     given = {**tracker, "model": str(partner), "robot": "pepper", "source_axes": "rep103"}

@@ -25,7 +25,7 @@ AZURE_KINECT = SkeletonSource(
     start="`ros2 launch azure_kinect_ros_driver driver.launch.py body_tracking_enabled:=true`,"
     " then `-r skeleton:=body_tracking_data`",
     confidence="colour, in forks that paint it: green 1, blue 0.3",
-    tested="a real bag of 62 s; messages as its driver makes them",
+    tested="a real bag of 62 s; messages as its driver makes them, live and from a bag",
     joint_ids=dict(enumerate(_ORDER)),
     axes="optical",
     ids_per_person=100,

@@ -22,7 +22,7 @@ NUITRACK = SkeletonSource(
     message="marker_array",
     driver="nuitrack_node of mild_hri_ros",
     start="`nuitrack_node.py`, bridged from ROS 1, then `-r skeleton:=visualization_marker_array`",
-    tested="two real streams of 62 s of the SDK, as the node would publish them",
+    tested="two real streams of 62 s of the SDK, as the node would publish them, live and from a bag",
     joint_ids=dict(enumerate(_ORDER)),
     axes="optical",
     other_ids=frozenset(range(14, 27)),
