@@ -73,8 +73,8 @@ def save_model(folder: Path, manifest: Manifest, arrays: Arrays, report: str) ->
     Raises:
         ModelError: The arrays do not fit the manifest.
     """
-    model = build_model(manifest, arrays)
     stored = {name: np.ascontiguousarray(_stored(name, array)) for name, array in sorted(arrays.items())}
+    model = build_model(manifest, stored)
     golden = io.BytesIO()
     np.savez_compressed(golden, **make_golden(model))  # type: ignore[arg-type]
     contents = {WEIGHTS: save_arrays(stored), GOLDEN: golden.getvalue(), REPORT: report.encode()}
@@ -87,9 +87,10 @@ def save_model(folder: Path, manifest: Manifest, arrays: Arrays, report: str) ->
 
 
 def _stored(name: str, array: NDArray[Any]) -> NDArray[Any]:
-    """Networks in single precision, as they run; all else in double."""
+    """Networks in single precision, as they run, and what is large of the territory; all else in double."""
     network = name.startswith("member_") and ".prior." not in name and name.count(".") == 3
-    return np.asarray(array, dtype=np.float32 if network else np.float64)
+    single = network or name in ("territory.weight", "territory.centres")
+    return np.asarray(array, dtype=np.float32 if single else np.float64)
 
 
 def _checked_bytes(folder: Path, name: str, manifest: Manifest) -> bytes:
