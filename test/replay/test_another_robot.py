@@ -22,37 +22,18 @@ from mild_ros.scenes import SCENES, write_scene
 from mild_ros.settings import PipelineParameters
 from mild_ros.viewing.recorded import read_run
 from test.core.retargeting.limits import check_limits
+from test.core.retargeting.panda import panda_file
 from test.replay.made_model import save_random_model
 
 PARTNER = ControlledAgent("human_arm", "human", ARM_JOINTS, "m")
 BENT_M = ((0.0, 0.0, 0.0), (0.15, -0.05, -0.2), (0.4, -0.05, -0.1))
 """An arm that is half offered: what the model's motions are about."""
 
-JOINTS = [f"panda_joint{number}" for number in range(1, 8)]
-PANDA = """
-name = "panda"
-description = "{description}"
-base_link = "panda_link0"
-tool_link = "panda_hand"
-shoulder_link = "panda_link2"
-elbow_link = "panda_link4"
-joint_names = {joint_names}
-home_rad = [0.0, 0.3, 0.0, -1.8, 0.0, 2.1, 0.8]
-acceleration_rad_s2 = 10.0
-jerk_rad_s3 = 300.0
-[rest]
-panda_finger_joint1 = 0.02
-panda_finger_joint2 = 0.02
-"""
-
 
 @pytest.fixture(scope="module")
 def panda(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The robot file; the description is the one that comes with PyBullet."""
-    data = pytest.importorskip("pybullet_data").getDataPath()
-    path = tmp_path_factory.mktemp("robot") / "panda.toml"
-    path.write_text(PANDA.format(description=Path(data, "franka_panda", "panda.urdf"), joint_names=JOINTS))
-    return path
+    return panda_file(tmp_path_factory.mktemp("robot"))
 
 
 @pytest.fixture(scope="module")
