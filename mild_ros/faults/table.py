@@ -27,7 +27,8 @@ class Fault:
     Attributes:
         name: In a word or two.
         what: In a sentence, for people.
-        counted: Keys of `/diagnostics` that must rise.
+        counted: Keys of `/diagnostics` that must rise ...
+        least: ... and by how much at least.
         answer: What the robot must do ...
         within_s: ... and how soon after the fault began.
         lasts_s: How long it goes wrong.
@@ -35,7 +36,7 @@ class Fault:
         tracker: What the tracker says meanwhile.
         robot: What the robot says meanwhile.
         processes: What is done to processes.
-        clock_s: How far the clock of a replay jumps at the begin; 0 for faults that come in real time.
+        clock_s: How far the clock of a replay jumps at the begin; 0 for not at all.
         live: Whether it happens in real time to the three nodes and a simulated robot, or to the pipeline in a replay.
         anew: Whether the person has to be calibrated anew, and stands still for it.
     """
@@ -51,11 +52,13 @@ class Fault:
     robot: robots.RobotFault = robots.truthful
     processes: Processes = ""
     clock_s: float = 0.0
+    least: int = 1
     live: bool = False
     anew: bool = False
 
 
 STALE = "retargeting held_stale"
+TOO_OLD, FROM_FUTURE = ("retargeting too_old",), ("retargeting from_future",)
 NAN, INFINITE = float("nan"), float("inf")
 NOTHING = ((0.0, 0.0, 0.0),) * 3
 MIRROR = ((-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -63,9 +66,11 @@ OTHER_AXES = ((0.0, 0.0, 1.0), (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0))
 MILLIMETRES = ((1e3, 0.0, 0.0), (0.0, 1e3, 0.0), (0.0, 0.0, 1e3))
 
 
-def _of_tracker(name: str, what: str, counted: str, tracker: people.TrackerFault, **more: Any) -> Fault:
+def _of_tracker(
+    name: str, what: str, counted: str, tracker: people.TrackerFault, also: tuple[str, ...] = (), **more: Any
+) -> Fault:
     """Something of which perception counts `counted`, and for want of motions the robot holds."""
-    return Fault(name, what, (f"perception {counted}", STALE), tracker=tracker, **more)
+    return Fault(name, what, (f"perception {counted}", *also, STALE), tracker=tracker, **more)
 
 
 def _passed_over(name: str, what: str, counted: str, tracker: people.TrackerFault, **more: Any) -> Fault:
@@ -85,13 +90,19 @@ _ROWS = (
         lasts_s=2.4,
         answer="rests for a while",
     ),
-    _passed_over("flood", "Messages come at 1 kHz.", "skeleton count", people.as_it_is, rate_hz=1000.0, live=True),
+    _passed_over(
+        "flood", "Messages come at 1 kHz.", "skeleton count", people.as_it_is, rate_hz=1000.0, least=200, live=True
+    ),
     _passed_over("repetitions", "Each message comes three times.", "perception duplicate", people.repeated(3)),
     _passed_over(
         "late copies", "After each comes an old one.", "perception out_of_order", people.with_late_copies(0.2)
     ),
-    _of_tracker("clock back", "Stamps go back 10 s, later on again.", "time_reset", people.shifted(-10.0), anew=True),
-    _of_tracker("clock ahead", "Stamps go on 10 s, later back again.", "gap_reset", people.shifted(10.0), anew=True),
+    _of_tracker(
+        "clock back", "Stamps go back 10 s, later on again.", "time_reset", people.shifted(-10.0), TOO_OLD, anew=True
+    ),
+    _of_tracker(
+        "clock ahead", "Stamps go on 10 s, later back again.", "gap_reset", people.shifted(10.0), FROM_FUTURE, anew=True
+    ),
     _passed_over("swapped", "Somebody comes; numbers are swapped.", "perception reacquired", people.renumbered),
     _of_tracker("other person", "Somebody else is seen instead.", "other_person", people.another_person),
     _of_tracker("elbow lost", "The elbow is missing.", "missing_joint", people.without("right_elbow")),
@@ -131,8 +142,14 @@ _ROWS = (
         live=True,
     ),
     Fault("killed", "Inference is killed, then started.", (STALE,), processes="killed", live=True),
-    Fault("bag loops", "/clock goes back 8 s.", ("retargeting time_backwards",), clock_s=-8.0, anew=True),
-    Fault("bag skips", "/clock goes on 8 s.", ("retargeting gap",), clock_s=8.0, anew=True),
+    Fault(
+        "bag loops",
+        "/clock goes back 8 s.",
+        ("retargeting time_backwards", "perception time_reset"),
+        clock_s=-8.0,
+        anew=True,
+    ),
+    Fault("bag skips", "/clock goes on 8 s.", ("retargeting gap", "perception gap_reset"), clock_s=8.0, anew=True),
 )
 
 FAULTS = {fault.name: fault for fault in _ROWS}

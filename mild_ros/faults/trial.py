@@ -116,7 +116,7 @@ def _tried(room: Room, fault: Fault) -> Outcome:
     room.read_reports()
     after = room.counts()
     counted = {key: after.get(key, 0) - before.get(key, 0) for key in fault.counted}
-    missed = [f"{key} was not counted" for key, rise in counted.items() if rise <= 0]
+    missed = [f"{key} was not counted" for key, rise in counted.items() if rise < fault.least]
     missed += [] if recovered else [f"no recovery within {RECOVERY_S:g} s: {room.mode}"]
     left_ns = next((at for at, mode in room.modes if begun_ns < at <= ended_ns and mode != "following"), None)
     during = room.commands_between(first, begun_ns, ended_ns)
