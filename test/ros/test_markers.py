@@ -16,7 +16,7 @@ from mild_core.perception.stage import Perception
 from mild_core.retargeting.kinematics import forward_kinematics
 from mild_core.retargeting.robots.yumi import YUMI
 from mild_core.shapes import FloatArray
-from mild_core.signals import JointMeasurement
+from mild_core.signals import FeatureWindow, JointMeasurement, MotionWindow, PersonPose
 from mild_ros.assembly.inference import load
 from mild_ros.messages.feature_window import feature_window_to_msg
 from mild_ros.messages.joint_state import joint_measurement_to_msg
@@ -32,52 +32,62 @@ def place(point: object) -> FloatArray:
     return np.array([point.x, point.y, point.z])  # type: ignore[attr-defined]
 
 
-def test_hands_and_predictions_are_shown(start: Callable[..., NodeProcess], probe: Probe, random_model: Path) -> None:
-    shown = probe.listen(MarkerArray, "markers")
-    start("markers", model=random_model, interaction="hand_shake")
-    windows_out = probe.node.create_publisher(PointCloud2, "feature_window", BETWEEN_STAGES)
-    person_out = probe.node.create_publisher(PointCloud2, "person", BETWEEN_STAGES)
-    states_out = probe.node.create_publisher(JointState, "joint_states", STATE)
-    for publisher in (windows_out, person_out, states_out):
-        probe.matched(publisher)
-    perception = Perception(SETTINGS)
-    state, windows = perception.init(), []
+def seen_and_expected(model: Path) -> tuple[PersonPose, list[FeatureWindow], dict[bytes, tuple[MotionWindow, ...]]]:
+    """A person, their windows, and by the motion that answers each what its components expect."""
+    perception, windows = Perception(SETTINGS), []
+    state = perception.init()
     for people in seen(at_rate(40.0, 2.2)):
         state, made = perception.step(state, people, people[0].stamp_ns)
         windows += made
-    assert state.person is not None
-    states_out.publish(joint_measurement_to_msg(JointMeasurement(1, YUMI.joint_names, YUMI.home_rad + 0.1)))
-    person_out.publish(person_to_msg(state.person))
-
-    stage = Inference(load(str(random_model)), "hand_shake")
+    stage = Inference(load(str(model)), "hand_shake")
     expected, inferred = {}, stage.init()
     for window in windows:
         before = inferred
         inferred, (motion,) = stage.step(before, window, 0)
         expected[motion.positions.tobytes()] = stage.by_component(before, window)
-    sending = iter(windows)
+    assert state.person is not None
+    return state.person, windows, expected
 
-    def send_one() -> bool:
-        if (window := next(sending, None)) is not None:
-            windows_out.publish(feature_window_to_msg(window))
+
+def hands(positions_rad: FloatArray) -> FloatArray:
+    return forward_kinematics(YUMI, positions_rad, YUMI.tool_link)[..., :3, 3]
+
+
+def shown_markers(probe: Probe, person: PersonPose, windows: list[FeatureWindow]) -> list[Marker]:
+    """The fullest of all that was shown while these were sent."""
+    shown = probe.listen(MarkerArray, "markers")
+    sent = probe.node.create_publisher(PointCloud2, "feature_window", BETWEEN_STAGES)
+    person_out = probe.node.create_publisher(PointCloud2, "person", BETWEEN_STAGES)
+    states_out = probe.node.create_publisher(JointState, "joint_states", STATE)
+    for publisher in (sent, person_out, states_out):
+        probe.matched(publisher)
+    states_out.publish(joint_measurement_to_msg(JointMeasurement(1, YUMI.joint_names, YUMI.home_rad + 0.1)))
+    person_out.publish(person_to_msg(person))
+    waiting = iter(windows)
+
+    def all_are_sent() -> bool:
+        if (window := next(waiting, None)) is not None:
+            sent.publish(feature_window_to_msg(window))
         probe.spin(0.02)
         return any(len(array.markers) > 3 for array in shown) and window is None
 
-    probe.until(send_one, "markers of all kinds")
-    newest = max(shown, key=lambda array: len(array.markers))
-    markers = {(marker.ns, marker.id): marker for marker in newest.markers}
+    probe.until(all_are_sent, "markers of all kinds")
+    return list(max(shown, key=lambda array: len(array.markers)).markers)
+
+
+def test_hands_and_predictions_are_shown(start: Callable[..., NodeProcess], probe: Probe, random_model: Path) -> None:
+    start("markers", model=random_model, interaction="hand_shake")
+    person, windows, expected = seen_and_expected(random_model)
+    found = shown_markers(probe, person, windows)
+    markers = {(marker.ns, marker.id): marker for marker in found}
     assert {name for name, _ in markers} == {"person_hand", "robot_hand", "predicted", "components"}
-    assert all(marker.lifetime.nanosec > 0 and marker.action == Marker.ADD for marker in newest.markers)
-    assert {marker.header.frame_id for marker in newest.markers} == {YUMI.base_link}
-    hand = forward_kinematics(YUMI, YUMI.home_rad + 0.1, YUMI.tool_link)[:3, 3]
-    np.testing.assert_allclose(place(markers["robot_hand", 0].pose.position), hand, atol=1e-9)
+    assert all(marker.lifetime.nanosec > 0 and marker.action == Marker.ADD for marker in found)
+    assert {marker.header.frame_id for marker in found} == {YUMI.base_link}
+    np.testing.assert_allclose(place(markers["robot_hand", 0].pose.position), hands(YUMI.home_rad + 0.1), atol=1e-9)
     drawn = np.array([place(point) for point in markers["predicted", 0].points])
-    ways = {
-        data: forward_kinematics(YUMI, np.frombuffer(data).reshape(-1, 7), YUMI.tool_link)[:, :3, 3]
-        for data in expected
-    }
+    ways = {data: hands(np.frombuffer(data).reshape(-1, 7)) for data in expected}
     data = min(ways, key=lambda data: float(np.abs(ways[data] - drawn).max()))
     np.testing.assert_allclose(drawn, ways[data], atol=1e-5, err_msg="the way of one of the windows that were sent")
     for number, alone in enumerate(expected[data]):
-        end = forward_kinematics(YUMI, alone.positions[-1], YUMI.tool_link)[:3, 3]
-        np.testing.assert_allclose(place(markers["components", number].pose.position), end, atol=1e-5)
+        end = markers["components", number].pose.position
+        np.testing.assert_allclose(place(end), hands(alone.positions[-1]), atol=1e-5)

@@ -295,20 +295,3 @@ def test_a_recogniser_speaks_for_the_priors_when_nobody_says_which_interaction_i
     np.testing.assert_allclose(state.recognition.evidence, expected, atol=CLOSE)
     told, _ = run(Inference(full_model, "rocket"), windows(1))
     np.testing.assert_array_equal(told.recognition.probabilities, np.eye(len(INTERACTIONS))[2])
-
-
-def test_each_component_alone_expects_its_own_conditional_and_nothing_is_remembered(paper_model):
-    by_hand, stage = ByHand(paper_model, 0, 2), Inference(paper_model, "rocket")
-    *before, last = windows(5)
-    state, _ = run(stage, before)
-    _, (told,) = stage.step(state, last, 0)
-    motions = stage.by_component(state, last)
-    latents = by_hand.prior.explain(*posterior(by_hand.run("encoder", {"window": last.features})[0])).conditioned.mean
-    assert len(motions) == len(latents) == len(told.belief)
-    for number, (motion, latent) in enumerate(zip(motions, latents, strict=True)):
-        alone = np.eye(len(latents))[number]
-        expected = by_hand.run("decoder", {"controlled": latent, "belief": alone})[0].reshape(40, 7)
-        np.testing.assert_allclose(motion.positions, expected, atol=CLOSE)
-        np.testing.assert_array_equal(motion.belief, alone)
-    _, (again,) = stage.step(state, last, 0)
-    np.testing.assert_array_equal(again.positions, told.positions)
