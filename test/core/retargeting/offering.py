@@ -32,6 +32,9 @@ HIGH: Arms = (
 """The same of somebody who rests the elbow on high: for arms that stand on a table and cannot hang."""
 
 STANDING = Standing((1.1, 0.0, 0.2), np.pi, {"handshake": (1.1, 0.0, 0.2)})
+AWAY_RAD = 0.3
+"""How far a robot that was learned joint by joint moves each."""
+
 RAISING_S = 0.9
 HEAD_AND_TRUNK_M = np.array([[0.75, 0.2, 0.5], [0.75, 0.2, 0.3], [0.75, 0.2, -0.3]])
 """Seen from the hand that is held out."""
@@ -86,15 +89,18 @@ class Offer:
 
     def _motion(self, now_ns: int, time_s: float) -> MotionWindow:
         shares = np.array([self.raised(time_s + 0.025 * row) for row in range(40)])
-        rest, offered = self.arms
-        rows = rest + shares[:, None, None] * (offered - rest)
+        rest, offered = self.arms if self.robot.follows_arms else (self.robot.home_rad, self.robot.home_rad + AWAY_RAD)
+        rows = rest + shares.reshape(-1, *np.ones(rest.ndim, dtype=int)) * (offered - rest)
+        names = ARM_JOINTS if self.robot.follows_arms else self.robot.joint_names
         known = {"probability": 1.0, "belief": np.ones(1), "phase": 0.5, "out_of_distribution": 0.1}
-        spread = 1e-3 * np.eye(9)
-        return MotionWindow(now_ns, 0, MODEL_PERIOD_NS, ARM_JOINTS, rows, spread, "handshake", **known)  # type: ignore[arg-type]
+        spread = 1e-3 * np.eye(rest.size)
+        return MotionWindow(now_ns, 0, MODEL_PERIOD_NS, names, rows, spread, "handshake", **known)  # type: ignore[arg-type]
 
 
 def learned_hand(robot: RobotModel, arms: Arms = LOW) -> FloatArray:
     """(3,) where the robot's hand is when its arm does as the partner's that is held out."""
+    if not robot.follows_arms:
+        return chain_of(robot).tool(robot.home_rad + AWAY_RAD)
     joints = tuple(robot.home_rad.tolist())
     for _ in range(20):  # inverse kinematics goes a few steps each time
         joints = arm_follower(robot).joints(arms[1], joints)

@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How long one tick of retargeting takes: `python -m test.bench.retargeting_tick [--panda FILE]`.
+
+CPU time of the thread, so that other programs hardly matter, for each robot and by what it does, as median and 99th
+percentile; then of what a tick does once in contact: the motion wanted, the hands brought together, the planner, the
+judge. A second robot file may be measured beside ours.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.robot_file import find_robot
+from mild_core.retargeting.stage import Retargeting
+from test.core.retargeting.offering import HIGH, LOW, STANDING, Arms, Offer, learned_hand
+
+PARTS = {
+    "motion wanted": ("", "_wanted"),
+    "hands together": ("_contact", "aim"),
+    "planner": ("_limiter", "toward"),
+    "stop planned": ("_limiter", "stop_path"),
+    "judge": ("_guard", "judged"),
+}
+"""Where in the stage each part is: an attribute of it, "" for itself, and a method."""
+
+Times = dict[str, list[float]]
+
+
+def _timed(function: Callable[..., Any], times_us: list[float]) -> Callable[..., Any]:
+    def timing(*given: Any) -> Any:
+        start_ns = time.thread_time_ns()
+        made = function(*given)
+        times_us.append((time.thread_time_ns() - start_ns) / 1e3)
+        return made
+
+    return timing
+
+
+def measured(robot: RobotModel, arms: Arms, parts: bool) -> Times:
+    """CPU time [us] of each tick by what the robot did, or of each part of it."""
+    stage = Retargeting(robot, standing=STANDING)
+    offer = Offer(robot, learned_hand(robot, arms) + 0.03, arms)
+    times: Times = {}
+    for repetition in range(2):  # the first compiles
+        times = {name: [] for name in PARTS} if parts else {}
+        if parts and repetition == 1:
+            for name, (owner, method) in PARTS.items():
+                at = getattr(stage, owner) if owner else stage
+                object.__setattr__(at, method, _timed(getattr(at, method), times[name]))
+        state = stage.init()
+        for now_ns, given in offer.inputs():
+            start_ns = time.thread_time_ns()
+            state, commands = stage.step(state, given, now_ns)
+            took_us = (time.thread_time_ns() - start_ns) / 1e3
+            if given is None and commands and not parts:
+                touching = "touching" if state.touch is not None else commands[0].mode
+                times.setdefault("every tick", []).append(took_us)
+                times.setdefault(touching, []).append(took_us)
+    return times
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--panda", help="another robot file, of an arm that stands on a table")
+    given = parser.parse_args()
+    chosen = [("yumi", LOW), ("pepper", LOW), *([(given.panda, HIGH)] if given.panda else [])]
+    for name, arms in chosen:
+        robot = find_robot(name)
+        for parts in (False, True):
+            for what, times_us in measured(robot, arms, parts).items():
+                if times_us:
+                    median, most = np.percentile(times_us, [50, 99]) / 1e3
+                    print(
+                        f"{robot.name:8} {what:16} {len(times_us):5}  {median:6.3f} ms  p99 {most:6.3f} ms", flush=True
+                    )
+
+
+if __name__ == "__main__":
+    main()
