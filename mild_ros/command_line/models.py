@@ -13,9 +13,13 @@ from rich.markdown import Markdown
 from rich.table import Table
 
 from mild_core.inference.model import REPORT, Manifest, read_manifest
+from mild_core.learning.units import UNITS
 from mild_ros.share import model_folder, model_names, share_folder
 
 UNMEASURED = "not measured"
+
+MOVED = {"human_arm": "partner's arm"}
+"""What a model moves, where that is no robot."""
 
 
 def models(
@@ -47,14 +51,15 @@ def models(
 def _print(manifests: dict[str, Manifest], folder: Path) -> None:
     console = Console()
     table = Table(title=f"models in {folder}", title_justify="left")
-    for column in ("model", "predicts", "moves", "error, rad²", "recognised"):
+    for column in ("model", "predicts", "moves", "error", "recognised"):
         table.add_column(column, no_wrap=column == "model")
     for name, manifest in manifests.items():
         ahead = (manifest.lead_frames + manifest.window - 1) / manifest.rate_hz
         table.add_row(
             name,
             f"{manifest.protocol}: to {ahead:.1f} s ahead" if ahead > 0 else f"{manifest.protocol}: the present",
-            f"{manifest.controlled.robot}, {len(manifest.controlled.joint_names)} joints",
+            f"{MOVED.get(manifest.controlled.kind, manifest.controlled.robot)}, "
+            f"{len(manifest.controlled.joint_names)} joints",
             measured(manifest, "given"),
             measured(manifest, "recognised"),
         )
@@ -66,9 +71,9 @@ def _print(manifests: dict[str, Manifest], folder: Path) -> None:
 
 def measured(manifest: Manifest, labels: str) -> str:
     """The macro error by cross-validation, for people."""
-    rows: list[dict[str, Any]] = manifest.errors.get("cross_validation", {}).get("rows", [])
-    for row in rows:
+    table: dict[str, Any] = manifest.errors.get("cross_validation", {})
+    for row in table.get("rows", []):
         if row["labels"] == labels:
             spread = "" if row["macro_std"] is None else f" ± {row['macro_std']:.4f}"
-            return f"{row['macro_mean']:.4f}{spread}"
+            return f"{row['macro_mean']:.4f}{spread} {UNITS[table['unit']].squared_shown}"
     return UNMEASURED
