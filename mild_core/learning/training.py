@@ -228,11 +228,14 @@ def _pass(
     if settings.augmentation is not None:
         tracks = bend(tracks, settings.augmentation)
         phase = int(torch.randint(corpus.protocol.keep_every, ()))
-    windows = cut_tracks(
-        corpus, tracks, int(torch.randint(settings.gradient_stride, ())), settings.gradient_stride, phase
+    cuts = min(
+        settings.gradient_stride, corpus.protocol.windows_of(tracks.observed.shape[1] // corpus.protocol.keep_every)
     )
+    windows = cut_tracks(corpus, tracks, int(torch.randint(cuts, ())), settings.gradient_stride, phase)
     networks.train()
-    sums, batches = torch.zeros(4), torch.split(torch.randperm(len(windows.label)), settings.batch_trials)
+    # A trial of fewer windows than that stride may have none this time.
+    cut = torch.nonzero(windows.valid.any(dim=1))[:, 0]
+    sums, batches = torch.zeros(4), torch.split(cut[torch.randperm(len(cut))], settings.batch_trials)
     for rows in batches:
         batch = WindowBatch(
             windows.question[rows], windows.answer[rows], windows.valid[rows], windows.label[rows], windows.first
@@ -243,7 +246,7 @@ def _pass(
         nn.utils.clip_grad_norm_(networks.parameters(), settings.largest_gradient)
         optimiser.step()
         sums += torch.stack([terms.prediction, terms.observed, terms.controlled, terms.divergence]).detach()
-    prediction, observed, controlled, divergence = (sums / len(batches)).tolist()
+    prediction, observed, controlled, divergence = (sums / max(len(batches), 1)).tolist()
     return prediction, observed, controlled, divergence
 
 

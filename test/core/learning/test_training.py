@@ -139,6 +139,14 @@ def test_nothing_to_learn_from_is_refused():
         next(train([made_trial(0)], PROTOCOLS["same"], SMALL, 0, interactions=TWO[1:]))
 
 
+def test_trials_of_fewer_windows_than_the_gradients_stride_are_learned_too():
+    trials = [made_trial(0, "reach", 130), *(made_trial(seed, "push", 84) for seed in range(1, 4))]
+    settings = replace(SMALL_PAPER, gradient_stride=60, batch_trials=1)
+    reports = list(train(trials, PROTOCOLS["same"], settings, 0))
+    assert all(np.isfinite([report.observed, report.divergence]).all() for report in reports)
+    assert any(report.observed > 0.0 for report in reports)
+
+
 def test_hidden_layers_are_carried_over_where_sizes_agree_and_nothing_else_is():
     import torch
 
