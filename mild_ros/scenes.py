@@ -18,10 +18,6 @@ from mild_core.perception.skeletons import SOURCES
 from mild_core.retargeting.robots import ROBOTS
 from mild_core.shapes import FloatArray
 from mild_core.signals import JointMeasurement
-from mild_ros.bag_writer import create_bag
-from mild_ros.encoding import encode, type_name_of
-from mild_ros.messages.joint_state import joint_measurement_to_msg
-from mild_ros.messages.marker_array import people_to_marker_array
 from mild_ros.simulation.person import bodies, skeleton_frames
 
 RATE_HZ = 30.0
@@ -164,6 +160,12 @@ def arm_track(scene: Scene, rate_hz: float = RATE_HZ) -> FloatArray:
 
 def write_scene(scene: Scene, folder: Path) -> None:
     """Write the bag of a scene and its SOURCE.md into `folder`, which must not exist."""
+    # Only here: what the scenes show is also wanted where there is no ROS.
+    from mild_ros.bag_writer import create_bag
+    from mild_ros.encoding import encode, type_name_of
+    from mild_ros.messages.joint_state import joint_measurement_to_msg
+    from mild_ros.messages.marker_array import people_to_marker_array
+
     body = bodies(arm_track(scene))
     robot = ROBOTS["yumi"]
     with create_bag(folder) as bag:

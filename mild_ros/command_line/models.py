@@ -13,7 +13,6 @@ from rich.markdown import Markdown
 from rich.table import Table
 
 from mild_core.inference.model import REPORT, Manifest, read_manifest
-from mild_core.learning.units import UNITS
 from mild_ros.share import model_folder, model_names, share_folder
 
 UNMEASURED = "not measured"
@@ -71,6 +70,8 @@ def _print(manifests: dict[str, Manifest], folder: Path) -> None:
 
 def measured(manifest: Manifest, labels: str) -> str:
     """The macro error by cross-validation, for people."""
+    from mild_core.learning.units import UNITS
+
     table: dict[str, Any] = manifest.errors.get("cross_validation", {})
     for row in table.get("rows", []):
         if row["labels"] == labels:
