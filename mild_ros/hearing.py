@@ -33,10 +33,10 @@ def hello(node: Node, name: str, seconds: float, wanted: str = "") -> list[str]:
     heard: set[str] = set()
     node.create_subscription(String, "/mild_doctor", lambda message: heard.add(message.data), 10)
     sender = node.create_publisher(String, "/mild_doctor", 10)
+    node.create_timer(PERIOD_S, lambda: sender.publish(String(data=name)))  # it hears itself too: no loop sets the pace
     end_s = time.monotonic() + seconds
     found = False
     while time.monotonic() < end_s:
-        sender.publish(String(data=name))
         rclpy.spin_once(node, timeout_sec=PERIOD_S)
         others = heard - {name}
         if not found and (wanted in others if wanted else bool(others)):

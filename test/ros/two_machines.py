@@ -83,7 +83,8 @@ def main(words: list[str]) -> None:
             _shell(
                 f"ip address add {address}/24 dev {name}", f"ip link set {name} multicast {multicast}", inside=prefix
             )
-            _shell(f"ip link set {name} up", inside=prefix)
+            # As a machine with a default route has it.
+            _shell(f"ip link set {name} up", f"ip route add 224.0.0.0/4 dev {name}", inside=prefix)
         running = [_process(command.split(SEPARATOR), at, inside) for at, command in enumerate(commands)]
         for process in running:
             print(process.communicate(timeout=PATIENCE_S)[0].strip())
