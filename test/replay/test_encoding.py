@@ -64,7 +64,7 @@ def reader(message: Any) -> Callable[[], Any]:
 )
 def test_every_stamp_is_moved_and_nothing_else(message: Any) -> None:
     data, name = encode(message), type_name_of(message)
-    moved = deserialize_message(restamped(data, name, reader(message), SHIFT_NS), type(message))
+    moved = deserialize_message(restamped(data, name, reader(message), SHIFT_NS, jazzy_types()), type(message))
     for before, after in zip(getattr(message, "markers", [message]), getattr(moved, "markers", [moved]), strict=True):
         before_ns = before.header.stamp.sec * 10**9 + before.header.stamp.nanosec
         after_ns = after.header.stamp.sec * 10**9 + after.header.stamp.nanosec
