@@ -193,7 +193,7 @@ class Retargeting:
     ) -> tuple[JointMotion, str, float]:
         """As much of a step as is harmless, from none, which is a stop; why not all of it; and how near [m] it is.
 
-        Between two motions that keep the limits all others keep them, also with joints of the one among the other's.
+        Between two motions that keep the limits all others keep them too.
         """
         refusal, near_m = self._guard.judged(motion, self._limiter.stop_path(wanted), body)
         if not refusal:
@@ -207,11 +207,7 @@ class Retargeting:
                 most = share
             else:
                 least, taken = share, tried
-        for joint in range(len(stop.position_rad)):  # those that do no harm by themselves need not wait for the others
-            tried = taken.with_joint(joint, wanted)
-            if not self._guard.judged(motion, self._limiter.stop_path(tried), body)[0]:
-                taken = tried
-        return taken, refusal if taken == stop else SLOWED, near_m
+        return taken, SLOWED if least > 0.0 else refusal, near_m
 
     def _target(
         self,
