@@ -229,6 +229,8 @@ class Retargeting:
             aimed = np.minimum(np.maximum(aimed, self._lower), self._upper)
         hurry = 0.0 if touch is None else touch.share * self._guard.nearness(state.near_m)
         pursuit, target = pursuit.nearer(aimed, self.settings.ramp_velocity_rad_s, hurry, elapsed_s)
+        # A plan that turns takes what is left to catch up with along, beyond the limits too.
+        target = np.minimum(np.maximum(target, self._lower), self._upper)
         target = self._guard.paced(np.array(pursuit.target_rad), target, state.near_m, elapsed_s)
         pursuit = pursuit.at(target, aimed)
         return replace(state, touch=touch, pursuit=pursuit), pursuit.target_rad
