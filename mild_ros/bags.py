@@ -163,15 +163,20 @@ def _scratch(stack: ExitStack) -> Path:
 
 
 def topic_of_type(reader: BagReader, type_name: str, wanted: str = "") -> str:
-    """The topic to read: `wanted` if the bag has it, otherwise the only one of that type.
+    """The topic to read: `wanted` if the bag has it, otherwise the only one of that type; "" is any type.
 
     Raises:
-        BagError: `wanted` is not in the bag, or several topics or none would do.
+        BagError: `wanted` is not in the bag or of another type, or several topics or none would do.
     """
     found = sorted(topic for topic, summary in reader.topics.items() if summary.type_name == type_name)
     names = {topic.strip("/"): topic for topic in reader.topics}
     if wanted.strip("/") in names:
-        return names[wanted.strip("/")]
+        topic = names[wanted.strip("/")]
+        given = reader.topics[topic].type_name
+        if type_name not in ("", given):
+            remedy = f"name one of {', '.join(found)}" if found else "choose another topic, source or bag"
+            raise BagError(f"{reader.path}, {topic}", f"is of {given}, not {type_name}", remedy)
+        return topic
     listing = ", ".join(sorted(reader.topics)) or "no topic at all"
     if len(found) == 1:
         return found[0]

@@ -106,6 +106,8 @@ def test_the_topic_is_found_by_its_type(tmp_path):
         assert topic_of_type(bag, JOINT_STATE, "joint_states") == "/joint_states"
         with pytest.raises(BagError, match="/joint_states"):
             topic_of_type(bag, "geometry_msgs/msg/PoseArray")
+        with pytest.raises(BagError, match=f"/joint_states: is of {JOINT_STATE}, not geometry_msgs/msg/PoseA"):
+            topic_of_type(bag, "geometry_msgs/msg/PoseArray", "joint_states")
 
 
 def test_a_raw_message_is_a_plain_value():
