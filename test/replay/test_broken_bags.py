@@ -155,6 +155,14 @@ def test_a_path_out_of_the_bag_is_refused(tmp_path, name):
     assert refused(path, "points outside the bag")
 
 
+def test_a_name_that_no_disk_can_hold_is_refused_and_salvaged(tmp_path):
+    path = write_ours(tmp_path / "bag")
+    text = (path / "metadata.yaml").read_text()
+    (path / "metadata.yaml").write_text(text.replace("- bag.mcap", f"- bag.mca{'p' * 400}"))
+    assert refused(path, "too long")
+    assert positions(path, salvage=True) == EXPECTED
+
+
 def test_garbage_in_one_message_is_told_apart_from_a_broken_bag(tmp_path):
     with create_bag(tmp_path / "bag") as writer:
         writer.write("/joint_states", JOINT_STATE, 1, b"\x00\x01\x00\x00" + b"\xff" * 40)
