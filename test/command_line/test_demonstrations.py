@@ -243,7 +243,7 @@ def _short(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (("--robot", ""), "-", "nobody answers the person; give --robot or --partner"),
         (("--partner", "same"), "", "both a robot and a partner answer"),
         (("--label", "topic:/lable"), "", "has no /lable of std_msgs/msg/String; name one of /label"),
-        (("--topic", "/label"), "", "has no /label of geometry_msgs/msg/PoseArray; name one of /people"),
+        (("--topic", "/label"), "", "is of std_msgs/msg/String, not geometry_msgs/msg/PoseArray; name one of /people"),
         (("--label", "a"), '[labels]\none = ["a", "b", "c"]', "has 3 labels for 2 movements; look at its picture"),
         (("--label", "a"), "[labels]\none = 3", "key 'labels', 'one': is 3; give a text, a list"),
         (("--robot", "pepper"), "", "joint RShoulderPitch: is in no message; there are yumi_joint_1_r"),
