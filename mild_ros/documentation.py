@@ -21,6 +21,7 @@ from mild_core.perception.skeletons import SOURCES, SkeletonSource
 from mild_ros.bag_settings import RecordParameters, ReplayParameters
 from mild_ros.command_line.main import COMMANDS
 from mild_ros.demonstrations.settings import CutParameters
+from mild_ros.faults.broken_bags import bag_faults_markdown
 from mild_ros.messages.skeletons import ADAPTERS
 from mild_ros.parameters import table_markdown
 from mild_ros.quality_of_service import (
@@ -219,6 +220,7 @@ SECTIONS: dict[str, Callable[[], str]] = {
     "sources": sources_markdown,
     "qualities": qualities_markdown,
     "cut": partial(table_markdown, CutParameters),
+    "bag_faults": bag_faults_markdown,
 }
 """What may stand between the marks, by name."""
 

@@ -88,9 +88,9 @@ def _announced(metadata: Path) -> int | None:
 def _told(loss: Loss, saved: int, announced: int | None) -> str:
     if announced is not None and announced > saved:
         return f"{announced - saved} of {announced} messages are lost"
-    parts = [f"at least {loss.messages} messages"] if loss.messages else []
-    parts += [f"what was in {loss.unread_bytes} unreadable bytes"] if loss.unread_bytes else []
-    return f"{' and '.join(parts)} are lost" if parts else ""
+    parts = [f"at least {loss.messages} messages are lost"] if loss.messages else []
+    parts += [f"{loss.unread_bytes} bytes cannot be read"] if loss.unread_bytes else []
+    return " and ".join(parts)
 
 
 class _Rewriting:

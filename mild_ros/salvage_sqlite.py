@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import sqlite3
 from collections.abc import Iterator
@@ -16,6 +17,9 @@ _BESIDE = ("", "-wal", "-journal")
 
 _MISSES = 5000
 """So many rows in a row that cannot be read are the end."""
+
+_LONGEST = 64
+"""A file that is a smaller part of what its head says is not worth the search; the head may be broken too."""
 
 _STEPS = 10**6
 """sqlite3's virtual machine may take so many steps for one query: a broken tree can lead round in a circle."""
@@ -33,6 +37,7 @@ def sqlite_messages(file: Path, scratch: Path, loss: Loss) -> Iterator[Found]:
         beside = file.with_name(file.name + ending)
         if beside.is_file():
             shutil.copyfile(beside, scratch / beside.name)
+    _pad(scratch / file.name)
     with closing(sqlite3.connect(scratch / file.name)) as database:
         database.text_factory = lambda text: text.decode(errors="replace")
         topics = {row[0]: row[1:] for row in _rows(database, "SELECT id, name, type FROM topics")}
@@ -46,6 +51,20 @@ def sqlite_messages(file: Path, scratch: Path, loss: Loss) -> Iterator[Found]:
                 loss.messages += 1
             else:
                 yield found
+
+
+def _pad(database: Path) -> None:
+    """Make a file that was cut off as long as its head says: sqlite3 reads nothing at all of a shorter one.
+
+    Half a page would be read as rows of zeros; it is left out.
+    """
+    with database.open("r+b") as file:
+        head, size = file.read(32), file.seek(0, os.SEEK_END)
+        page, pages = int.from_bytes(head[16:18], "big"), int.from_bytes(head[28:32], "big")
+        page = 65536 if page == 1 else page
+        if page and size < page * pages:
+            file.truncate(size // page * page)
+            file.truncate(min(page * pages, _LONGEST * size))
 
 
 def _found(
@@ -80,6 +99,7 @@ def _messages(database: sqlite3.Connection, loss: Loss) -> Iterator[Row]:
             number = row[0]
             loss.messages, misses = loss.messages + misses, 0
             yield row[1:]
+    loss.messages += 1  # and perhaps more: nothing tells how many come behind what cannot be read
 
 
 def _rows(database: sqlite3.Connection, query: str) -> list[Row]:

@@ -23,61 +23,15 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
-from rosbags.rosbag1 import Writer as Ros1Writer
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
-from mild_core.errors import BagError, DataError
-from mild_ros.bag_writer import create_bag
-from mild_ros.bags import jazzy_types, open_bag, topic_of_type
-from mild_ros.encoding import encode
+from mild_ros.faults.broken_bags import COUNT, opened, write_foreign, write_ours, write_ros1
 
-COUNT = 24
 PATIENCE_S = 20
 """Reading one of these takes hundredths of a second; a busy machine may pause."""
 
 MEMORY_BYTES = 4 * 2**30
 """A length that was made huge must not be believed."""
-
-STRING, START_NS, STEP_NS = "std_msgs/msg/String", 10**9, 10**7
-TEXTS = [f"message {index} of {COUNT}" for index in range(COUNT)]
-
-
-def write_ours(folder: Path) -> None:
-    """As `record` writes it: chunks of six messages."""
-    text = jazzy_types().types[STRING]
-    with create_bag(folder) as bag:
-        for index, words in enumerate(TEXTS):
-            bag.write("/text", STRING, START_NS + index * STEP_NS, encode(text(words)))
-            if index % 6 == 5:
-                bag.flush()
-
-
-def write_foreign(storage: StoragePlugin, mode: CompressionMode) -> Callable[[Path], None]:
-    """As other tools write it."""
-
-    def write(folder: Path) -> None:
-        text = jazzy_types().types[STRING]
-        writer = Writer(folder, version=9, storage_plugin=storage)
-        writer.set_compression(mode, CompressionFormat.ZSTD)
-        with writer:
-            topic = writer.add_connection("/text", STRING, typestore=jazzy_types())
-            for index, words in enumerate(TEXTS):
-                writer.write(topic, START_NS + index * STEP_NS, encode(text(words)))
-
-    return write
-
-
-def write_ros1(folder: Path) -> None:
-    """A bag of ROS 1, in a folder of its own."""
-    folder.mkdir()
-    types = get_typestore(Stores.ROS1_NOETIC)
-    with Ros1Writer(folder / "old.bag") as writer:
-        topic = writer.add_connection("/text", STRING, typestore=types)
-        for index, words in enumerate(TEXTS):
-            data = types.serialize_ros1(types.types[STRING](words), STRING)
-            writer.write(topic, START_NS + index * STEP_NS, data)
-
 
 KINDS: dict[str, Callable[[Path], None]] = {
     "mcap, ours": write_ours,
@@ -170,25 +124,14 @@ def outcome(path: Path, *, salvage: bool) -> str:
     Raises:
         Exception: Whatever should not be.
     """
-    read = undecodable = 0
-    try:
-        with open_bag(path, salvage=salvage) as bag:
-            assert topic_of_type(bag, STRING)
-            for raw in bag.messages():
-                read += 1
-                assert 0 <= raw.time_ns < 2**63
-                try:
-                    bag.decode(raw)
-                except DataError:
-                    undecodable += 1
-            lost = bag.lost
-    except BagError as error:
-        return f"{'broke off' if read else 'refused'}, {len(str(error).splitlines())} line"
-    if undecodable:
+    found = opened(path, salvage=salvage)
+    if found.error is not None:
+        return f"{'broke off' if found.read else 'refused'}, {len(str(found.error).splitlines())} line"
+    if found.undecodable:
         return "read, messages undecodable"
     if salvage:
-        return "salvaged, loss told" if lost else "salvaged" if read < COUNT else "salvaged whole"
-    return "read whole" if read == COUNT else "read"
+        return "salvaged, loss told" if found.lost else "salvaged" if found.read < COUNT else "salvaged whole"
+    return "read whole" if found.read == COUNT else "read"
 
 
 @contextmanager
@@ -237,9 +180,9 @@ def table(outcomes: Counter[tuple[str, str, str, str]], place: int, title: str) 
     for key, count in outcomes.items():
         sums[key[place], key[2], key[3]] += count
     lines = [f"| {title} | opened | outcomes |", "|---|---|---|"]
-    for name, opened in sorted({key[:2] for key in sums}):
-        found = sorted(((n, end) for (a, b, end), n in sums.items() if (a, b) == (name, opened)), reverse=True)
-        lines.append(f"| {name} | {opened} | {'; '.join(f'{n} {end}' for n, end in found)} |")
+    for name, way in sorted({key[:2] for key in sums}):
+        found = sorted(((n, end) for (a, b, end), n in sums.items() if (a, b) == (name, way)), reverse=True)
+        lines.append(f"| {name} | {way} | {'; '.join(f'{n} {end}' for n, end in found)} |")
     return "\n".join(lines) + "\n"
 
 
