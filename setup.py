@@ -65,7 +65,6 @@ setup(
         "numpy",
         "pillow",
         "pin",
-        "pin-pink",
         "pybullet; python_version < '3.12'",
         "pybullet-arm64; python_version >= '3.12'",
         "pyyaml",

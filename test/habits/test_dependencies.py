@@ -16,7 +16,6 @@ from test.habits.tree import ROOT, files, imports, parse, plant, python_files
 DISTRIBUTIONS = {
     "PIL": "pillow",
     "ament_index_python": "ros-ament-index-python",
-    "pink": "pin-pink",
     "pinocchio": "pin",
     "yaml": "pyyaml",
     "launch": "ros-launch",
@@ -45,7 +44,7 @@ ROSDEP_KEYS = {
     "typer": "python3-typer",
     "yourdfpy": "python3-yourdfpy-pip",
 }
-"""Keys that rosdistro has; safetensors, viser, pin-pink and ruckig's Python side have none."""
+"""Keys that rosdistro has; safetensors, viser, daqp and ruckig's Python side have none."""
 
 ONLY_HOST = "download.pytorch.org"
 

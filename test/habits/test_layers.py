@@ -40,7 +40,7 @@ LAWS = (
     Law(
         "mild_core/retargeting/inverse_kinematics.py",
         (*FOUNDATION, "mild_core.retargeting"),
-        (*NUMERICS, "pink", "pinocchio"),
+        (*NUMERICS, "daqp", "pinocchio"),
     ),
     Law("mild_core/pipeline.py", (*FOUNDATION, *STAGES), ("numpy",)),
     Law(

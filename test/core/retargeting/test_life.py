@@ -162,7 +162,7 @@ def test_the_robot_keeps_out_of_the_head_and_is_slow_near_the_person() -> None:
     assert seen[:, 1].min() > -0.005  # what the three looks at a stop may miss
     assert run.state.counts["refused_keep_out"] > 0
     near = seen[:, 2] < run.retargeting.settings.near_m
-    assert seen[near, 3].max() <= run.retargeting.settings.near_speed_m_s + 0.02  # likewise
+    assert 0.5 < seen[near, 3].max() <= run.retargeting.settings.near_speed_m_s
 
 
 def test_a_motion_into_the_robots_own_body_is_refused_and_one_out_of_it_taken() -> None:
