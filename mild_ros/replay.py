@@ -24,6 +24,8 @@ from mild_ros.bag_people import skeleton_feeds
 from mild_ros.bag_writer import BagWriter, create_bag
 from mild_ros.bags import BagReader, RawMessage, open_bag, topic_of_type
 from mild_ros.encoding import encode, type_name_of
+from mild_ros.foreign_joints import foreign_joints
+from mild_ros.joint_naming import JointNaming, joint_naming
 from mild_ros.messages.feeds import Feed
 from mild_ros.messages.joint_state import joint_command_to_msg, joint_measurement_from_msg, joint_measurement_to_msg
 from mild_ros.messages.motion import motion_state_to_msg, motion_to_msg
@@ -44,10 +46,11 @@ class Inputs:
         source: Tracker convention of its skeletons.
         skeleton_topic: Their topic in the bag, of sources with a single one; "" finds it by its type.
         joint_states: `bag`, `home` (one message says that the robot stands at home), `none`, or `auto`: the bag's if
-            there are any, otherwise home.
+            they are of the robot's joints, otherwise home.
         robot: Whose joints these are.
         start_s: How much of the beginning to skip.
         also: Further topics to pass on under their own names; `all` stands for every one but commands.
+        joint_names: The bag's names of the robot's joints, in our order; empty if they are ours.
     """
 
     source: SkeletonSource
@@ -56,6 +59,7 @@ class Inputs:
     joint_states: str = "auto"
     start_s: float = 0.0
     also: tuple[str, ...] = ()
+    joint_names: tuple[str, ...] = ()
 
     def messages(self, bag: BagReader) -> Iterator[Event]:
         """The bag's messages that the pipeline takes, in order of time.
@@ -95,11 +99,25 @@ class Inputs:
         skeletons = dict.fromkeys(self.feeds(bag), SKELETON)
         recorded = "/joint_states" in bag.topics and bag.topics["/joint_states"].count > 0
         wanted = {topic: topic for topic in self._others(bag)} | skeletons
-        if self.joint_states == "bag" or (self.joint_states == "auto" and recorded):
+        if self.joint_states == "bag" or (self.joint_states == "auto" and recorded and not self.note(bag)):
             wanted[topic_of_type(bag, JOINT_STATE_TYPE, "joint_states")] = JOINT_STATES
         if f"/{TRUE_MOTION}" in bag.topics:
             wanted[f"/{TRUE_MOTION}"] = TRUE_MOTION
         return wanted
+
+    def note(self, bag: BagReader) -> str:
+        """Why, of `auto`, the bag's joint_states are not taken, for people; "" if they are, or if there are none."""
+        theirs = foreign_joints(bag, self.naming.theirs) if self.joint_states == "auto" else ""
+        return theirs and f"its joint_states ({theirs}) are not of {self.robot.name}, which begins at home"
+
+    @property
+    def naming(self) -> JointNaming:
+        """Our names of the robot's joints and the bag's.
+
+        Raises:
+            SetupError: There is not one name for each joint.
+        """
+        return joint_naming(self.robot.joint_names, self.joint_names)
 
     def feeds(self, bag: BagReader) -> Mapping[str, Feed]:
         """How the bag's skeletons are read, by topic; each call begins with an empty memory.
@@ -157,6 +175,7 @@ class ReplaySummary:
         duration_s: From the first message to the last.
         counts: Events by reason, of each stage; of `messages` those that could not be read.
         digest: SHA-256 of all commands' bytes: equal for equal replays.
+        note: What of the bag was not taken, for people; "" for nothing.
     """
 
     commands: int
@@ -164,6 +183,7 @@ class ReplaySummary:
     duration_s: float
     counts: Mapping[str, Mapping[str, int]]
     digest: str
+    note: str = ""
 
 
 def fold(bag: BagReader, pipeline: Pipeline, inputs: Inputs, rate_hz: float = 100.0) -> Iterator[Step]:
@@ -178,7 +198,7 @@ def fold(bag: BagReader, pipeline: Pipeline, inputs: Inputs, rate_hz: float = 10
             yield Step(event, PipelineOutput(), state)
             continue
         try:
-            given, whole = _decoded(bag, event, feeds)
+            given, whole = _decoded(bag, event, feeds, inputs.naming)
         except DataError as error:
             yield Step(event, PipelineOutput(), state, unreadable=error.reason)
             continue
@@ -218,6 +238,7 @@ def replay_in_process(
     with ExitStack() as stack:
         bag = stack.enter_context(open_bag(bag_path, salvage=salvage))
         written = stack.enter_context(create_bag(output_path, types=bag.types)) if output_path else None
+        note = inputs.note(bag)
         for step in fold(bag, pipeline, inputs, rate_hz):
             first_ns, last_ns, state = first_ns or step.event.time_ns, step.event.time_ns, step.state
             if step.unreadable:
@@ -231,7 +252,7 @@ def replay_in_process(
             on_step(step)
     counts = {stage: getattr(state, stage).counts for stage in ("perception", "inference", "retargeting")}
     counts["messages"] = dict(unreadable)
-    return ReplaySummary(commands, motions, (last_ns - first_ns) * 1e-9, counts, digest.hexdigest())
+    return ReplaySummary(commands, motions, (last_ns - first_ns) * 1e-9, counts, digest.hexdigest(), note)
 
 
 def _write(bag: BagWriter, step: Step, commands: list[bytes], interactions: tuple[str, ...]) -> None:
@@ -251,7 +272,9 @@ def _write(bag: BagWriter, step: Step, commands: list[bytes], interactions: tupl
         bag.write("/joint_command", JOINT_STATE_TYPE, time_ns, data)
 
 
-def _decoded(bag: BagReader, event: Event, feeds: Mapping[str, Feed]) -> tuple[PipelineInput, bool]:
+def _decoded(
+    bag: BagReader, event: Event, feeds: Mapping[str, Feed], naming: JointNaming
+) -> tuple[PipelineInput, bool]:
     """The event's message as the pipeline takes it, and whether it does: one joint alone shows nobody yet.
 
     Raises:
@@ -261,6 +284,6 @@ def _decoded(bag: BagReader, event: Event, feeds: Mapping[str, Feed]) -> tuple[P
         return None, True
     message = bag.decode(event.message)
     if event.input == JOINT_STATES:
-        return joint_measurement_from_msg(message), True
+        return naming.understood(joint_measurement_from_msg(message)), True
     people = feeds[event.message.topic].read(message, event.time_ns)
     return people, people is not None

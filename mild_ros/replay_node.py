@@ -43,8 +43,8 @@ class ReplayNode(Node):
         )
         self._bags = ExitStack()
         self._bag = self._bags.enter_context(open_bag(Path(given.bag).expanduser(), salvage=given.salvage))
-        if self._bag.lost:
-            self.get_logger().warning(f"{given.bag}: {self._bag.lost}")
+        for odd in filter(None, (self._bag.lost, inputs.note(self._bag))):
+            self.get_logger().warning(f"{given.bag}: {odd}")
         ticking = self._in_lock_step or given.clock
         self._topics = ReplayTopics(self, self._bag, inputs, ticking)
         events = inputs.laps(self._bag, forever=given.loop)

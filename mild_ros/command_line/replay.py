@@ -122,7 +122,11 @@ def _in_process(bag: Path, folder: Path, asked: RunOptions, console: Console) ->
 
     parameters = asked.pipeline
     robot = find_robot(parameters.robot)
-    inputs = Inputs(skeleton_source(parameters), robot, asked.skeleton_topic, start_s=asked.start_s)
+    inputs = Inputs(
+        *(skeleton_source(parameters), robot, asked.skeleton_topic),
+        start_s=asked.start_s,
+        joint_names=parameters.robot_joint_names,
+    )
     folder.mkdir(parents=True, exist_ok=True)
     recorded = folder / RECORDED
     shutil.rmtree(recorded, ignore_errors=True)
@@ -131,6 +135,8 @@ def _in_process(bag: Path, folder: Path, asked: RunOptions, console: Console) ->
         summary = replay_in_process(
             bag, pipeline, inputs, recorded, rate_hz=parameters.control_rate_hz, salvage=asked.salvage
         )
+    if summary.note:
+        console.print(f"{bag}: {summary.note}", style="yellow", highlight=False, soft_wrap=True)
     for stage, counts in summary.counts.items():
         told = ", ".join(f"{count} {reason}" for reason, count in counts.items()) or "none unreadable"
         console.print(f"{stage}: {told}", highlight=False, soft_wrap=True)
