@@ -38,7 +38,7 @@ def skeleton_feeds(bag: BagReader, source: SkeletonSource, wanted: str = "") -> 
     found = {f"/{feed.topic.lstrip('/')}": feed for feed in feeds}
     there = {topic: summary.type_name for topic, summary in bag.topics.items()}
     for topic, feed in found.items():
-        if there.get(topic) != feed.type_name and not feed.latched:
+        if there.get(topic, feed.type_name if feed.latched else "") != feed.type_name:
             listing = ", ".join(sorted(there)) or "no topic at all"
             remedy = "name the topics in joint_places, or choose another bag or source"
             raise BagError(str(bag.path), f"has no {topic} of {feed.type_name}, but {listing}", remedy)

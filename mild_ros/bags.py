@@ -164,25 +164,27 @@ def _scratch(stack: ExitStack) -> Path:
 
 
 def topic_of_type(reader: BagReader, type_name: str, wanted: str = "") -> str:
-    """The topic to read: `wanted` if the bag has it, otherwise the only one of that type; "" is any type.
+    """The topic that is `wanted`, with or without its slash, or the only one of that type; "" is any type.
 
     Raises:
         BagError: `wanted` is not in the bag or of another type, or several topics or none would do.
     """
     found = sorted(topic for topic, summary in reader.topics.items() if summary.type_name == type_name)
-    names = {topic.strip("/"): topic for topic in reader.topics}
-    if wanted.strip("/") in names:
-        topic = names[wanted.strip("/")]
+    remedy = f"name one of {', '.join(found)}" if found else "choose another topic, source or bag"
+    if wanted:
+        topic = next((topic for topic in reader.topics if topic.strip("/") == wanted.strip("/")), "")
+        if not topic:
+            kind = f" of {type_name}" if type_name else ""
+            raise BagError(str(reader.path), f"has no /{wanted.strip('/')}{kind}", remedy)
         given = reader.topics[topic].type_name
         if type_name not in ("", given):
-            remedy = f"name one of {', '.join(found)}" if found else "choose another topic, source or bag"
             raise BagError(f"{reader.path}, {topic}", f"is of {given}, not {type_name}", remedy)
         return topic
-    listing = ", ".join(sorted(reader.topics)) or "no topic at all"
     if len(found) == 1:
         return found[0]
     if found:
-        raise BagError(str(reader.path), f"has several topics of {type_name}", f"name one of {', '.join(found)}")
+        raise BagError(str(reader.path), f"has several topics of {type_name}", remedy)
+    listing = ", ".join(sorted(reader.topics)) or "no topic at all"
     raise BagError(str(reader.path), f"has no topic of {type_name}, but {listing}", "choose another bag or source")
 
 

@@ -129,7 +129,9 @@ def _cut_all(paths: list[Path], settings: DemonstrationSettings, salvage: bool) 
     if twice:
         raise SetupError(f"bag {twice[0]}", "there are two of that name", "rename one: trials and labels go by it")
     totals = []
-    for path in paths:  # a bag that lacks a topic is told of before an hour of reading
+    # A bag that lacks a topic is told of before an hour of reading. Each is closed again, as one that is converted or
+    # salvaged lies on the disk once more while it is open.
+    for path in paths:
         with open_bag(path, salvage=salvage) as bag:
             totals.append(sum(bag.topics[topic].count for topic in readers(bag, settings, Streams())))
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())

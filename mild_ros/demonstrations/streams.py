@@ -16,11 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from mild_core.errors import BagError, DataError
+from mild_core.errors import DataError
 from mild_core.signals import JointMeasurement
 from mild_ros.assembly.perception import skeleton_source
 from mild_ros.bag_people import skeleton_feeds
-from mild_ros.bags import BagReader
+from mild_ros.bags import BagReader, topic_of_type
 from mild_ros.demonstrations.labels import LABEL_TYPE, TOPIC
 from mild_ros.demonstrations.settings import SAME, DemonstrationSettings, PersonParameters
 from mild_ros.messages.joint_by_joint import People
@@ -68,17 +68,16 @@ def readers(bag: BagReader, settings: DemonstrationSettings, streams: Streams) -
 
     def watch(parameters: PersonParameters, into: list[tuple[int, People]]) -> None:
         for topic, feed in skeleton_feeds(bag, skeleton_source(parameters), parameters.topic).items():
-            _require_type(bag, topic, feed.type_name)
             found.setdefault(topic, []).append(partial(_people, feed.read, into))
 
     watch(settings.person, streams.person)
     if settings.partner is not None and settings.partner.topic != SAME:
         watch(settings.partner, streams.partner)
     if settings.robot is not None:
-        topic = _named_topic(bag, JOINT_STATE_TYPE, settings.robot.topic)
+        topic = topic_of_type(bag, JOINT_STATE_TYPE, settings.robot.topic)
         found.setdefault(topic, []).append(partial(_joints, streams))
     if settings.label.startswith(TOPIC) and bag.path.stem not in settings.labels:
-        topic = _named_topic(bag, LABEL_TYPE, settings.label.removeprefix(TOPIC))
+        topic = topic_of_type(bag, LABEL_TYPE, settings.label.removeprefix(TOPIC))
         found.setdefault(topic, []).append(partial(_label, streams.labels))
     return found
 
@@ -106,24 +105,6 @@ def read_streams(bag: BagReader, settings: DemonstrationSettings, on_message: Ca
         except DataError as error:
             streams.unreadable[f"{raw.topic} {error.reason}"] += 1
     return streams
-
-
-def _named_topic(bag: BagReader, type_name: str, name: str) -> str:
-    """The topic of that name, with or without the slash before it.
-
-    Raises:
-        BagError: There is none, or it is of another type.
-    """
-    topic = next((topic for topic in bag.topics if topic.strip("/") == name.strip("/")), name)
-    _require_type(bag, topic, type_name)
-    return topic
-
-
-def _require_type(bag: BagReader, topic: str, type_name: str) -> None:
-    """Refuse a topic that is not there or of another type."""
-    if topic not in bag.topics or bag.topics[topic].type_name != type_name:
-        of_type = sorted(name for name, summary in bag.topics.items() if summary.type_name == type_name)
-        raise BagError(str(bag.path), f"has no {topic} of {type_name}", f"name one of {', '.join(of_type) or '(none)'}")
 
 
 def _people(read: Callable[[Any, int], People | None], into: list[tuple[int, People]], message: Any, now: int) -> None:

@@ -108,6 +108,8 @@ def test_the_topic_is_found_by_its_type(tmp_path):
             topic_of_type(bag, "geometry_msgs/msg/PoseArray")
         with pytest.raises(BagError, match=f"/joint_states: is of {JOINT_STATE}, not geometry_msgs/msg/PoseA"):
             topic_of_type(bag, "geometry_msgs/msg/PoseArray", "joint_states")
+        with pytest.raises(BagError, match=f"has no /joint_state of {JOINT_STATE}; name one of /joint_states"):
+            topic_of_type(bag, JOINT_STATE, "/joint_state")
 
 
 def test_a_raw_message_is_a_plain_value():
