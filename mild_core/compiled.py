@@ -20,7 +20,19 @@ def compiled(function: Function) -> Function:
 
     Arithmetic stays as written: no fast-math, so one machine gives the same bits every time.
     """
-    options: dict[str, Any] = {"fastmath": False, "error_model": "numpy", "nogil": True}
+    return _compiled(function, False)
+
+
+def compiled_in_any_order(function: Function) -> Function:
+    """As `compiled`, but sums may be taken in another order and products be fused into them, as the machine likes it.
+
+    For sums over long rows in learning, several times as fast. One machine still gives the same bits every time.
+    """
+    return _compiled(function, {"reassoc", "contract"})
+
+
+def _compiled(function: Function, freedom: Any) -> Function:
+    options: dict[str, Any] = {"fastmath": freedom, "error_model": "numpy", "nogil": True}
     folder = _cache_folder()
     if folder is None:
         return cast(Function, numba.njit(**options)(function))

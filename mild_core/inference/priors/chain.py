@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mild_core.inference.priors.filtering import UNDERFLOW, filter_frames
-from mild_core.inference.priors.smoothing import backward_frames, occupy_components
+from mild_core.inference.priors.smoothing import backward_frames, forward_frames, occupy_components
 from mild_core.shapes import FloatArray, read_only, require_shape
 
 
@@ -102,39 +102,36 @@ def expect(chain: Chain, log_emissions: FloatArray, lengths: Sequence[int]) -> C
     Source: METHOD section 2, explicit-duration forward pass; Yu (2010), section 2.2.
     """
     require_shape("log_emissions", log_emissions, (sum(lengths), chain.components))
-    responsibilities = np.empty_like(log_emissions)
-    transitions = np.zeros((chain.components, chain.components))
-    durations = np.zeros((chain.components, chain.longest))
-    initial = np.zeros(chain.components)
+    size = (chain.components, chain.longest)
+    responsibilities, parts = np.empty_like(log_emissions), (chain.initial, chain.transitions, chain.durations)
+    densities = np.exp(log_emissions - log_emissions.max(axis=1, keepdims=True))
+    initial, transitions, durations = np.zeros(size[0]), np.zeros((size[0], size[0])), np.zeros(size)
     log_likelihood, start = 0.0, 0
     for length in lengths:
         part = slice(start, start + length)
-        forward = run_filter(chain, log_emissions[part], lowest=-np.inf)
-        starts, ends = (np.empty((length, chain.components)) for _ in range(2))
-        backward_frames(chain.transitions, chain.durations, forward.events, starts, ends, transitions, durations)
-        occupy_components(starts, ends, responsibilities[part])
-        log_likelihood += float(forward.log_likelihoods.sum())
+        entering, leaving, emissions, ends, rest = (np.empty((length, size[0])) for _ in range(5))
+        events = (entering, leaving, emissions)
+        log_likelihood += forward_frames(log_emissions[part], densities[part], parts, events)
+        backward_frames(chain.transitions, chain.durations, events, ends, rest, durations)
+        occupy_components(entering * rest, ends, responsibilities[part])
+        transitions += leaving[:-1].T @ rest[1:]
         initial += responsibilities[start]
         start += length
-    return ChainExpectation(responsibilities, ChainCounts(initial, transitions, durations), log_likelihood)
+    counts = ChainCounts(initial, transitions * chain.transitions, durations * chain.durations)
+    return ChainExpectation(responsibilities, counts, log_likelihood)
 
 
 @dataclass(frozen=True, eq=False)
 class ForwardPass:
-    """The filter's way over frames, in the parts of `filter_frames`; `memory` (K, D) is that after the last."""
+    """The filter's way over frames, as of `filter_frames`; `memory` (K, D) is that after the last."""
 
     memory: FloatArray
     weights: FloatArray
     log_likelihoods: FloatArray
-    events: tuple[FloatArray, FloatArray, FloatArray]
 
 
 def run_filter(
-    chain: Chain,
-    log_emissions: FloatArray,
-    memory: FloatArray | None = None,
-    restart: float = 0.0,
-    lowest: float = UNDERFLOW,
+    chain: Chain, log_emissions: FloatArray, memory: FloatArray | None = None, restart: float = 0.0
 ) -> ForwardPass:
     """Filter frames with log-densities (T, K), on from `memory` (K, D), changed in place, or from the start."""
     first = memory is None
@@ -143,8 +140,8 @@ def run_filter(
     weights, log_likelihoods = np.empty_like(log_emissions), np.empty(len(log_emissions))
     events = (np.empty_like(weights), np.empty_like(weights), np.empty_like(weights))
     parts = (chain.initial, chain.transitions, chain.durations)
-    filter_frames(log_emissions, memory, first, parts, restart, lowest, weights, log_likelihoods, events)
-    return ForwardPass(memory, weights, log_likelihoods, events)
+    filter_frames(log_emissions, memory, first, parts, restart, UNDERFLOW, weights, log_likelihoods, events)
+    return ForwardPass(memory, weights, log_likelihoods)
 
 
 def component_probabilities(chain: Chain, frames: int) -> FloatArray:

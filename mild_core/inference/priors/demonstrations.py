@@ -48,8 +48,9 @@ def latent_frames(latents: Sequence[FloatArray]) -> LatentFrames:
     size = everything.shape[1]
     pairs = size * (size + 1) // 2
     features = np.ones((len(everything), pairs + size + 1))
-    rows, columns = np.triu_indices(size)
-    np.multiply(centred[:, rows], centred[:, columns], out=features[:, :pairs])
+    for a in range(size):  # in the order of np.triu_indices
+        first = a * size - a * (a - 1) // 2
+        np.multiply(centred[:, a : a + 1], centred[:, a:], out=features[:, first : first + size - a])
     features[:, pairs:-1] = centred
     times = np.concatenate([(np.arange(len(z)) + 0.5) / len(z) for z in latents])
     return LatentFrames(tuple(len(z) for z in latents), times, centre, centred.var(axis=0), features)

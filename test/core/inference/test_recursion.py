@@ -70,6 +70,39 @@ def test_expectation_is_the_enumerated_one(components, longest, frames, seed):
     np.testing.assert_allclose(found.counts.initial, found.responsibilities[[0, lengths[0]]].sum(axis=0), atol=EXACT)
 
 
+def in_logarithms(chain: Chain, log_emissions: np.ndarray) -> tuple[float, np.ndarray]:
+    """Log-likelihood and (T, K) posterior by forward and backward over all (K, D) states in the log domain."""
+    with np.errstate(divide="ignore"):
+        moves, durations, start = (np.log(part) for part in (chain.transitions, chain.durations, chain.initial))
+    forward, backward = [start[:, None] + durations + log_emissions[0][:, None]], [np.zeros(durations.shape)]
+    for row in log_emissions[1:]:
+        entering = np.logaddexp.reduce(forward[-1][:, 0][:, None] + moves, axis=0)
+        left = np.pad(forward[-1][:, 1:], ((0, 0), (0, 1)), constant_values=-np.inf)
+        forward.append(np.logaddexp(left, entering[:, None] + durations) + row[:, None])
+    for row in log_emissions[:0:-1]:
+        ahead = backward[-1] + row[:, None]
+        rest = np.logaddexp.reduce(durations + ahead, axis=1)
+        backward.append(np.column_stack([np.logaddexp.reduce(moves + rest, axis=1), ahead[:, :-1]]))
+    both = np.logaddexp.reduce(np.array(forward) + np.array(backward[::-1]), axis=2)
+    total = np.logaddexp.reduce(both[-1])
+    return float(total), np.exp(both - total)
+
+
+@pytest.mark.parametrize("spread", [1.0, 60.0, 900.0])
+def test_expectation_holds_where_one_component_is_far_likelier_than_another(spread):
+    rng = np.random.default_rng(21)
+    chain, frames = random_chain(rng, 4, 11), 60
+    likeliest = np.arange(frames) * 7 // frames % 4
+    log_emissions = rng.normal(0.0, 1.0, (frames, 4)) - spread * rng.random((frames, 4))
+    log_emissions[np.arange(frames), likeliest] += 0.2 * spread
+    log_likelihood, posterior = in_logarithms(chain, log_emissions)
+    found = expect(chain, log_emissions, [frames])
+    assert found.log_likelihood == pytest.approx(log_likelihood, rel=1e-13)
+    np.testing.assert_allclose(found.responsibilities, posterior, atol=EXACT)
+    # Every frame belongs to one segment: as many start as there are transitions, and the first.
+    assert found.counts.durations.sum() == pytest.approx(found.counts.transitions.sum() + 1.0, abs=EXACT)
+
+
 def test_starting_as_if_a_segment_had_just_ended_gives_another_belief():
     rng = np.random.default_rng(3)
     chain = random_chain(rng, 3, 4)
