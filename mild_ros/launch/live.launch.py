@@ -7,14 +7,13 @@ ros2 launch mild_ros live.launch.py namespace:=left skeleton:=/camera_left/bodie
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution, PythonExpression
 from launch_ros.actions import Node
-from launch_ros.parameter_descriptions import ParameterFile
 from launch_ros.substitutions import FindPackageShare
 
 ARGUMENTS = {
     "namespace": ("", "Before every name: one for each robot and its person."),
-    "config": ("yumi", "Parameters: a name in share/mild_ros/config, or a path without `.yaml`."),
+    "config": ("yumi", "Parameters: a name in share/mild_ros/config, or a path."),
     "skeleton": ("skeleton", "Topic of the tracker."),
     "joint_states": ("joint_states", "Topic where the robot says where it is."),
     "joint_command": ("joint_command", "Topic of the commands."),
@@ -26,13 +25,16 @@ ARGUMENTS = {
 def generate_launch_description() -> LaunchDescription:
     """What `ros2 launch` runs."""
     given = {name: LaunchConfiguration(name) for name in ARGUMENTS}
-    config = ParameterFile([PathJoinSubstitution([FindPackageShare("mild_ros"), "config", given["config"]]), ".yaml"])
+    stem = PythonExpression(["'", given["config"], "'.removesuffix('.yaml')"])
+    # Not as `parameters`: a file that is not there would be passed over, and another robot commanded.
+    config = ["--params-file", [PathJoinSubstitution([FindPackageShare("mild_ros"), "config", stem]), ".yaml"]]
     pipeline = Node(
         package="mild_ros",
         executable="pipeline",
         name="pipeline",
         namespace=given["namespace"],
-        parameters=[config, {"use_sim_time": given["use_sim_time"]}],
+        ros_arguments=config,
+        parameters=[{"use_sim_time": given["use_sim_time"]}],
         remappings=[
             *((name, given[name]) for name in ("skeleton", "joint_states", "joint_command")),
             ("joint_trajectory", given["trajectory"]),

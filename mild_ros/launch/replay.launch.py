@@ -6,8 +6,15 @@ ros2 launch mild_ros replay.launch.py bag:=old.bag skeleton_topic:=/bodies rate:
 """
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, Shutdown
+from launch.actions import (
+    DeclareLaunchArgument,
+    IncludeLaunchDescription,
+    RegisterEventHandler,
+    Shutdown,
+    TimerAction,
+)
 from launch.conditions import IfCondition
+from launch.event_handlers import OnProcessExit
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import (
     LaunchConfiguration,
@@ -16,12 +23,15 @@ from launch.substitutions import (
     PythonExpression,
 )
 from launch_ros.actions import Node
-from launch_ros.parameter_descriptions import ParameterFile, ParameterValue
+from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
 ARGUMENTS = {
     "namespace": ("", "Before every name: one for each robot and its person."),
-    "config": ("yumi", "Parameters: a name in share/mild_ros/config; with a section for `replay` the bag's `source`."),
+    "config": (
+        "yumi",
+        "Parameters: a name in share/mild_ros/config, or a path; with a section for `replay` the bag's `source`.",
+    ),
     "skeleton_topic": ("", "Topic of the skeletons in the bag; empty finds it by its type."),
     "rate": ("1.0", "2.0 is twice as fast."),
     "start_s": ("0.0", "How much of the beginning to skip."),
@@ -36,7 +46,9 @@ def generate_launch_description() -> LaunchDescription:
     """What `ros2 launch` runs."""
     given = {name: LaunchConfiguration(name) for name in ("bag", *ARGUMENTS)}
     share = FindPackageShare("mild_ros")
-    config = ParameterFile([PathJoinSubstitution([share, "config", given["config"]]), ".yaml"])
+    stem = PythonExpression(["'", given["config"], "'.removesuffix('.yaml')"])
+    # Not as `parameters`: a file that is not there would be passed over, and another robot commanded.
+    config = ["--params-file", [PathJoinSubstitution([share, "config", stem]), ".yaml"]]
     simulated = PathJoinSubstitution([share, "launch", "simulation.launch.py"])
     simulation = IncludeLaunchDescription(
         PythonLaunchDescriptionSource(simulated),
@@ -52,7 +64,8 @@ def generate_launch_description() -> LaunchDescription:
         executable="replay",
         name="replay",
         namespace=given["namespace"],
-        parameters=[config, {**texts, **numbers, **flags, "subscribers": listeners, "patience_s": 300.0}],
+        ros_arguments=config,
+        parameters=[{**texts, **numbers, **flags, "subscribers": listeners, "patience_s": 300.0}],
         output="screen",
         on_exit=Shutdown(reason="the bag has ended"),
     )
@@ -65,8 +78,14 @@ def generate_launch_description() -> LaunchDescription:
         output="screen",
         condition=IfCondition(NotEqualsSubstitution(given["record"], "")),
     )
+    # Whoever could not start has said why, and replay would wait for it; others may be about to say the same.
+    failed = OnProcessExit(
+        on_exit=lambda event, _: (
+            TimerAction(period=5.0, actions=[Shutdown(reason="a node has failed")]) if event.returncode else None
+        )
+    )
     arguments = [DeclareLaunchArgument("bag", description="Folder or file of the bag.")]
     arguments += [
         DeclareLaunchArgument(name, default_value=value, description=text) for name, (value, text) in ARGUMENTS.items()
     ]
-    return LaunchDescription([*arguments, simulation, record, replay])
+    return LaunchDescription([*arguments, RegisterEventHandler(failed), simulation, record, replay])

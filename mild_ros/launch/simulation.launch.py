@@ -7,14 +7,13 @@ ros2 launch mild_ros simulation.launch.py skeleton:=/k4a/body_tracking_data gui:
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
 from launch.launch_description_sources import PythonLaunchDescriptionSource
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution, PythonExpression
 from launch_ros.actions import Node
-from launch_ros.parameter_descriptions import ParameterFile
 from launch_ros.substitutions import FindPackageShare
 
 ARGUMENTS = {
     "namespace": ("", "Before every name: one for each robot and its person."),
-    "config": ("yumi", "Parameters: a name in share/mild_ros/config."),
+    "config": ("yumi", "Parameters: a name in share/mild_ros/config, or a path."),
     "skeleton": ("skeleton", "Topic of the tracker."),
     "gui": ("false", "Open a window with the robot."),
     "use_sim_time": ("false", "Take the time from `/clock`."),
@@ -25,7 +24,9 @@ def generate_launch_description() -> LaunchDescription:
     """What `ros2 launch` runs."""
     given = {name: LaunchConfiguration(name) for name in ARGUMENTS}
     share = FindPackageShare("mild_ros")
-    config = ParameterFile([PathJoinSubstitution([share, "config", given["config"]]), ".yaml"])
+    stem = PythonExpression(["'", given["config"], "'.removesuffix('.yaml')"])
+    # Not as `parameters`: a file that is not there would be passed over, and another robot commanded.
+    config = ["--params-file", [PathJoinSubstitution([share, "config", stem]), ".yaml"]]
     live = IncludeLaunchDescription(
         PythonLaunchDescriptionSource(PathJoinSubstitution([share, "launch", "live.launch.py"])),
         launch_arguments=[(name, given[name]) for name in ("namespace", "config", "skeleton", "use_sim_time")],
@@ -35,7 +36,8 @@ def generate_launch_description() -> LaunchDescription:
         executable="simulation",
         name="simulation",
         namespace=given["namespace"],
-        parameters=[config, {"gui": given["gui"], "use_sim_time": given["use_sim_time"]}],
+        ros_arguments=config,
+        parameters=[{"gui": given["gui"], "use_sim_time": given["use_sim_time"]}],
         output="screen",
     )
     arguments = [
