@@ -44,7 +44,8 @@ class SimulationNode(Node):
         self._states = self.create_publisher(JointState, "joint_states", STATE)
         if not parameters.robot_description.startswith("topic:"):
             self._description = self.create_publisher(String, "robot_description", LATCHED)
-            self._description.publish(String(data=robot.urdf_path.read_text()))
+            text = robot.urdf_path.read_text().replace('filename="/', 'filename="file:///')  # as viewers want it
+            self._description.publish(String(data=text))
         self._time = NodeClock(self, self._diagnostics, self._on_tick, parameters.rate_hz)
         self._publish(self._time.now_ns())
         if parameters.camera_rate_hz:

@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-import re
-import tempfile
+import logging
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +13,7 @@ from mild_core.retargeting.kinematics import read_tree
 from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.robot_file import find_robot
 from mild_core.signals import ARM_JOINTS
+from mild_ros.assembly.description import prepared, temporary
 
 TOPIC = "topic:"
 """Before the name of a topic in place of a path."""
@@ -29,21 +29,22 @@ def make_robot(given: str, description: str = "") -> RobotModel:
         SetupError: There is no such robot, no such description, or the two do not belong together.
     """
     robot = find_robot(given)
-    if not description:
-        return robot
+    path = robot.urdf_path
     if description.startswith(TOPIC):
-        path = _from_topic(description.removeprefix(TOPIC))
-    else:
+        path = temporary(_from_topic(description.removeprefix(TOPIC)))
+    elif description:
         path = Path(description).expanduser()
         if not path.is_file():
             remedy = f"give the path of a URDF or {TOPIC}<name>"
             raise SetupError("parameter robot_description", f"no file {path}", remedy)
-    tree = read_tree(path)
-    tree.chain(robot.tool_link, robot.base_link)
-    missing = sorted(set(robot.joint_names) - {joint.name for joint in tree.by_child.values()})
+    missing = sorted(set(robot.joint_names) - {joint.name for joint in read_tree(path).by_child.values()})
     if missing:
         raise SetupError(str(path), f"it has no joint {', '.join(missing)}", f"give a description of {robot.name}")
-    return replace(robot, urdf_path=path)
+    found = prepared(path, robot)
+    read_tree(found.path).chain(robot.tool_link, robot.base_link)
+    if found.note:
+        logging.getLogger(__name__).warning(found.note)
+    return robot if found.path == robot.urdf_path else replace(robot, urdf_path=found.path)
 
 
 def check_fit(model: str, controlled: ControlledAgent, robot: RobotModel) -> None:
@@ -64,8 +65,8 @@ def check_fit(model: str, controlled: ControlledAgent, robot: RobotModel) -> Non
         raise SetupError(f"model {model}", problem, "choose a model of this robot")
 
 
-def _from_topic(topic: str) -> Path:
-    """A file with the description that is published on `topic`, as robot_state_publisher does."""
+def _from_topic(topic: str) -> str:
+    """The description that is published on `topic`, as robot_state_publisher does."""
     import rclpy
     from rclpy.wait_for_message import wait_for_message
     from std_msgs.msg import String
@@ -83,18 +84,4 @@ def _from_topic(topic: str) -> Path:
     if not came:
         problem = f"nothing came on topic '{topic}' within {PATIENCE_S:g} s"
         raise SetupError("parameter robot_description", problem, "start robot_state_publisher, or give a path")
-    text = re.sub(r"package://([\w-]+)(?=/)", lambda found: _package_folder(found[1], found[0]), message.data)
-    # A name that nobody can foretell: whoever knew it could have put a link to another file in its place.
-    with tempfile.NamedTemporaryFile("w", prefix="mild_ros-", suffix=".urdf", delete=False) as file:
-        file.write(text)
-    return Path(file.name)
-
-
-def _package_folder(package: str, otherwise: str) -> str:
-    """Where a package's meshes are; PyBullet knows nothing of packages."""
-    from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
-
-    try:
-        return str(get_package_share_directory(package))
-    except PackageNotFoundError:
-        return otherwise
+    return str(message.data)
