@@ -6,10 +6,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from torch import Tensor
 from torch.nn import functional
 
+from mild_core.compiled import compiled
+from mild_core.inference.networks import Float32Array
 from mild_core.learning.demonstration import Demonstration
 from mild_core.learning.settings import Augmentation
 from mild_core.learning.windows import Protocol
@@ -101,32 +104,56 @@ def bend(tracks: Tracks, augmentation: Augmentation) -> Tracks:
     count, length = len(tracks.label) * copies, tracks.observed.shape[1]
     knots = torch.randn(count, 1, augmentation.knots) * augmentation.unsteadiness
     log_speed = functional.interpolate(knots, size=length, mode="linear", align_corners=True)[:, 0]
-    log_speed = log_speed + _uniform((count, 1), augmentation.speed)
+    log_speed = log_speed + _uniform(count, augmentation.speed)[:, None]
     times = torch.cumsum(torch.exp(log_speed), dim=1)
     times = times - times[:, :1]
     last = tracks.alive.sum(dim=1).repeat(copies)[:, None] - 1
     alive, times = times <= last, torch.minimum(times, last.to(times.dtype))
-    before = times.floor().long().clamp(max=length - 2)
-    share = (times - before)[..., None]
-    row = torch.arange(len(tracks.label)).repeat(copies)[:, None]
-    both = torch.cat([tracks.observed, tracks.controlled], dim=-1)
-    both = torch.lerp(both[row, before], both[row, before + 1], share)
-    width = tracks.observed.shape[2]
-    observed = both[..., :width] * (1 + _uniform((count, 1, 1), augmentation.arm_scale))
-    observed = _turned(observed, _uniform((count, 1, 1), augmentation.yaw_rad))
-    observed = observed + augmentation.offset_m * torch.randn(count, 1, width)
-    return Tracks(observed, both[..., width:], alive, tracks.label.repeat(copies))
+    scale, yaw = 1 + _uniform(count, augmentation.arm_scale), _uniform(count, augmentation.yaw_rad)
+    turned = torch.stack([scale * torch.cos(yaw), scale * torch.sin(yaw), scale], dim=1).numpy()
+    moved = (augmentation.offset_m * torch.randn(count, tracks.observed.shape[2])).numpy()
+    observed = torch.empty(count, *tracks.observed.shape[1:])
+    controlled = torch.empty(count, *tracks.controlled.shape[1:])
+    resample(tracks.controlled.numpy(), times.numpy(), controlled.numpy())
+    resample(tracks.observed.numpy(), times.numpy(), observed.numpy())
+    turn_and_move(observed.numpy(), turned, moved)
+    return Tracks(observed, controlled, alive, tracks.label.repeat(copies))
 
 
-def _uniform(shape: tuple[int, ...], bound: float) -> Tensor:
-    return (torch.rand(shape) * 2 - 1) * bound
+def _uniform(count: int, bound: float) -> Tensor:
+    return (torch.rand(count) * 2 - 1) * bound
 
 
-def _turned(positions: Tensor, yaw: Tensor) -> Tensor:
-    """Positions (..., 3 J) turned about z by `yaw` [rad], broadcast to (..., J)."""
-    x, y, z = positions.reshape(*positions.shape[:-1], -1, 3).unbind(-1)
-    cosine, sine = torch.cos(yaw), torch.sin(yaw)
-    return torch.stack([cosine * x - sine * y, sine * x + cosine * y, z], dim=-1).flatten(-2)
+@compiled
+def resample(tracks: Float32Array, times: Float32Array, bent: Float32Array) -> None:
+    """Fill `bent` (C B, T, D) with tracks (B, T, D), copy after copy, at `times` (C B, T) [frames], between frames."""
+    length = tracks.shape[1]
+    for copy in range(times.shape[0]):
+        track = tracks[copy % tracks.shape[0]]
+        for t in range(length):
+            before = min(int(times[copy, t]), length - 2)
+            share = times[copy, t] - np.float32(before)
+            for d in range(tracks.shape[2]):
+                bent[copy, t, d] = track[before, d] + share * (track[before + 1, d] - track[before, d])
+
+
+@compiled
+def turn_and_move(positions: Float32Array, turned: Float32Array, moved: Float32Array) -> None:
+    """Scale positions (B, T, 3 J), turn them about z, and move each joint, in place.
+
+    Args:
+        positions: x, y, z of each joint [m].
+        turned: (B, 3) cosine and sine of the turn times the scale, and the scale.
+        moved: (B, 3 J) [m].
+    """
+    for b in range(positions.shape[0]):
+        cosine, sine, scale = turned[b]
+        for t in range(positions.shape[1]):
+            for x in range(0, positions.shape[2], 3):
+                forward, left = positions[b, t, x], positions[b, t, x + 1]
+                positions[b, t, x] = cosine * forward - sine * left + moved[b, x]
+                positions[b, t, x + 1] = sine * forward + cosine * left + moved[b, x + 1]
+                positions[b, t, x + 2] = scale * positions[b, t, x + 2] + moved[b, x + 2]
 
 
 def cut_tracks(corpus: Corpus, tracks: Tracks, first: int, stride: int, phase: int = 0) -> WindowBatch:

@@ -21,6 +21,7 @@ from mild_core.errors import DatasetError
 from mild_core.inference.priors import PRIORS
 from mild_core.inference.priors.prior import FitSettings
 from mild_core.learning.carry_over import carry_over
+from mild_core.learning.compiled_gru import compile_memories
 from mild_core.learning.coordinates import Coordinates, plain_coordinates, principal_coordinates
 from mild_core.learning.corpus import Corpus, WindowBatch, bend, corpus_of, cut_tracks
 from mild_core.learning.demonstration import Demonstration
@@ -152,8 +153,10 @@ def _learner(
         networks = MemberNetworks(
             settings.architecture, question.size, answer.size, labels, settings.prior.components, settings.dropout
         )
+    compile_memories(networks)
     carry_over(networks, start)
-    optimiser = torch.optim.AdamW(networks.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay)
+    rate, decay = settings.learning_rate, settings.weight_decay
+    optimiser = torch.optim.AdamW(networks.parameters(), lr=rate, weight_decay=decay, fused=True)
     return Learner(networks, optimiser), Objective(settings, question, answer, labels)
 
 
