@@ -42,6 +42,25 @@ ARGUMENTS = {
 }
 
 
+def _replay(given: dict[str, LaunchConfiguration], config: list) -> Node:
+    """The node that sends the bag, and ends everything when it has."""
+    texts = {name: ParameterValue(given[name], value_type=str) for name in ("bag", "skeleton_topic")}
+    numbers = {name: ParameterValue(given[name], value_type=float) for name in ("rate", "start_s")}
+    flags = {name: ParameterValue(given[name], value_type=bool) for name in ("loop", "paused")}
+    recorders = PythonExpression(["2 if '", given["record"], "' else 1"])  # a recorder listens before the pipeline does
+    listeners = ParameterValue(recorders, value_type=int)
+    return Node(
+        package="mild_ros",
+        executable="replay",
+        name="replay",
+        namespace=given["namespace"],
+        ros_arguments=config,
+        parameters=[{**texts, **numbers, **flags, "subscribers": listeners, "patience_s": 300.0}],
+        output="screen",
+        on_exit=Shutdown(reason="the bag has ended"),
+    )
+
+
 def generate_launch_description() -> LaunchDescription:
     """What `ros2 launch` runs."""
     given = {name: LaunchConfiguration(name) for name in ("bag", *ARGUMENTS)}
@@ -53,21 +72,6 @@ def generate_launch_description() -> LaunchDescription:
     simulation = IncludeLaunchDescription(
         PythonLaunchDescriptionSource(simulated),
         launch_arguments=[(name, given[name]) for name in ("namespace", "config", "gui")],
-    )
-    texts = {name: ParameterValue(given[name], value_type=str) for name in ("bag", "skeleton_topic")}
-    numbers = {name: ParameterValue(given[name], value_type=float) for name in ("rate", "start_s")}
-    flags = {name: ParameterValue(given[name], value_type=bool) for name in ("loop", "paused")}
-    recorders = PythonExpression(["2 if '", given["record"], "' else 1"])  # a recorder listens before the pipeline does
-    listeners = ParameterValue(recorders, value_type=int)
-    replay = Node(
-        package="mild_ros",
-        executable="replay",
-        name="replay",
-        namespace=given["namespace"],
-        ros_arguments=config,
-        parameters=[{**texts, **numbers, **flags, "subscribers": listeners, "patience_s": 300.0}],
-        output="screen",
-        on_exit=Shutdown(reason="the bag has ended"),
     )
     record = Node(
         package="mild_ros",
@@ -88,4 +92,4 @@ def generate_launch_description() -> LaunchDescription:
     arguments += [
         DeclareLaunchArgument(name, default_value=value, description=text) for name, (value, text) in ARGUMENTS.items()
     ]
-    return LaunchDescription([*arguments, RegisterEventHandler(failed), simulation, record, replay])
+    return LaunchDescription([*arguments, RegisterEventHandler(failed), simulation, record, _replay(given, config)])
