@@ -24,7 +24,7 @@ SOURCES = {
     "residual": ("frame", "window", "label", "context", "observed"),
     "decoder": ("controlled", "label", "context", "observed", "belief"),
     "distance": ("frame", "window"),
-    "recogniser": ("frame", "window"),
+    "recogniser": ("frame", "window", "past"),
 }
 """The networks that a member can have, and what each may take in."""
 
@@ -137,6 +137,7 @@ class Manifest:
         latent_size: Of each agent: Q.
         stride: S copies of everything that remembers take turns, so that each sees every S-th window.
         interactions: P names, in the order of all arrays.
+        past_s: T time constants of the fading means of positions, see `past` [s].
         prior: Kind and sizes.
         members: Networks by name, one mapping per member of the ensemble.
         robot_from_human: See `HumanPlacement`.
@@ -159,6 +160,7 @@ class Manifest:
     members: tuple[Mapping[str, NetworkSpec], ...]
     robot_from_human: HumanPlacement
     stride: int = 1
+    past_s: tuple[float, ...] = ()
     training: Mapping[str, Any] = field(default_factory=dict)
     errors: Mapping[str, Any] = field(default_factory=dict)
     sha256: Mapping[str, str] = field(default_factory=dict)
@@ -169,11 +171,17 @@ class Manifest:
         """D: numbers of one observed frame."""
         return len(self.observed.joint_names) * (3 if self.features == "positions" else 6)
 
+    @property
+    def past_values(self) -> int:
+        """Numbers of the fading means: three coordinates for each joint and time constant."""
+        return len(self.past_s) * len(self.observed.joint_names) * 3
+
     def source_sizes(self) -> dict[str, int]:
         """How many numbers each source of `SOURCES` has, but for the context, whose network says so."""
         return {
             "frame": self.frame_values,
             "window": self.window * self.frame_values,
+            "past": self.past_values,
             "label": len(self.interactions),
             "observed": self.latent_size,
             "belief": self.prior.components,

@@ -111,13 +111,21 @@ class ReadyMember:
         return MemberState(memory, read_only(np.zeros(self.chains[4].shape)))
 
     def observe(
-        self, state: MemberState, features: FloatArray, label: FloatArray, steps: int, stride: int, missed: int
+        self,
+        state: MemberState,
+        features: FloatArray,
+        past: FloatArray,
+        label: FloatArray,
+        steps: int,
+        stride: int,
+        missed: int,
     ) -> Observed:
         """Encode one window and move the beliefs on.
 
         Args:
             state: Before it.
             features: (W, D).
+            past: (T, 3 J) see `past.fade`.
             label: (P,) probability of each interaction so far.
             steps: How many of its frames are new to a context network that takes frames.
             stride: Between those.
@@ -128,7 +136,7 @@ class ReadyMember:
         """
         member = self.member
         steps = steps if "frame" in member.inputs.get("context", ()) else 1
-        memories, given, timing = (state.context, state.memory), (features, label), (steps, stride, missed)
+        memories, given, timing = (state.context, state.memory), (features, past, label), (steps, stride, missed)
         regions, restart = (member.centres, member.radii), member.priors[0].restart
         found = observe_window(self.perceiving, self.chains, regions, self.places, memories, given, timing, restart)
         found[0].flags.writeable = found[1].flags.writeable = False

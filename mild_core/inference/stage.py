@@ -23,6 +23,7 @@ import numpy as np
 from mild_core.errors import DataError, unknown_name
 from mild_core.inference.member import Generated, MemberState, ReadyMember, make_ready
 from mild_core.inference.motion_model import MildModel
+from mild_core.inference.past import fade, kept_per_frame
 from mild_core.inference.priors.filtering import UNDERFLOW
 from mild_core.inference.recognition import Recognition, given, recognise, undecided
 from mild_core.inference.stepping import Observed
@@ -62,11 +63,13 @@ class InferenceState:
         copies: S of them.
         recognition: Which interaction it is.
         strayed: See `Territory.follow`; (0,) in a model without one.
+        past: (T, 3 J) see `past.fade`; None before the first window.
     """
 
     recognition: Recognition
     copies: tuple[CopyState, ...]
     strayed: FloatArray
+    past: FloatArray | None = None
     counts: Mapping[str, int] = field(default_factory=dict)
     outcome: str = ""
     detail: str = ""
@@ -104,6 +107,10 @@ class Inference:
     def _period_ns(self) -> int:
         return round(1e9 / self.model.manifest.rate_hz)
 
+    @cached_property
+    def _kept(self) -> FloatArray:
+        return kept_per_frame(self.model.manifest.past_s, self.model.manifest.rate_hz)
+
     def init(self) -> InferenceState:
         """The state before the first window."""
         names = self.model.manifest.interactions
@@ -131,7 +138,8 @@ class Inference:
             self._check(state, window)
             before, index, events = self._in_time(state, window.stamp_ns)
             place = index % len(before.copies)
-            found = self._observe(before, place, index, window)
+            past = self._past(before, index, window)
+            found = self._observe(before, place, index, window, past)
         except DataError as error:
             return replace(
                 state, counts=_counted(state, {error.reason: 1}), outcome=error.reason, detail=error.detail
@@ -139,14 +147,15 @@ class Inference:
         recognition = self._recognise(before.recognition, found)
         generated = [m.generate(seen, recognition.probabilities) for m, seen in zip(self._members, found, strict=True)]
         strayed, strangeness = self._stray(before.strayed, window, found)
-        motion = self._motion(window, recognition, strangeness, _combined(generated))
+        answer = self._beside(_combined(generated), window, past, recognition)
+        motion = self._motion(window, recognition, strangeness, answer)
         events["accepted"] = 1
         if strangeness > 1.0:
             events["unknown"] = 1
         copy = CopyState(index, tuple([MemberState(seen.context, seen.memory) for seen in found]))
         copies = (*before.copies[:place], copy, *before.copies[place + 1 :])
         counts = _counted(state, events)
-        state = InferenceState(recognition, copies, strayed, counts, "accepted", "", window.stamp_ns, index)
+        state = InferenceState(recognition, copies, strayed, past, counts, "accepted", "", window.stamp_ns, index)
         return state, (motion,)
 
     def by_component(self, state: InferenceState, window: FeatureWindow) -> tuple[MotionWindow, ...]:
@@ -161,7 +170,8 @@ class Inference:
         """
         self._check(state, window)
         before, index, _ = self._in_time(state, window.stamp_ns)
-        found = self._observe(before, index % len(before.copies), index, window)
+        past = self._past(before, index, window)
+        found = self._observe(before, index % len(before.copies), index, window, past)
         recognition = self._recognise(before.recognition, found)
         motions = []
         for alone in np.eye(found[0].weights.shape[1]):
@@ -192,7 +202,25 @@ class Inference:
             return self.init(), 0, {"time_reset" if stamp_ns < state.stamp_ns else "gap_reset": 1}
         return state, state.index + passed, {"missed": passed - 1} if passed > 1 else {}
 
-    def _observe(self, state: InferenceState, place: int, index: int, window: FeatureWindow) -> tuple[Observed, ...]:
+    def _past(self, state: InferenceState, index: int, window: FeatureWindow) -> FloatArray:
+        """(T, 3 J) where the arm has been, this window included."""
+        positions = window.features[-1, : 3 * len(window.joint_names)]
+        return fade(state.past, positions, self._kept, index - state.index)
+
+    def _beside(
+        self, members: Generated, window: FeatureWindow, past: FloatArray, recognition: Recognition
+    ) -> Generated:
+        """What the members expect, blended with what the radial basis expects where the model has one."""
+        basis = self.model.radial_basis
+        if basis is None:
+            return members
+        answer = basis.answer(window.features, past, recognition.probabilities)
+        motion, covariance = basis.blend(members.motion, members.covariance, answer)
+        return replace(members, motion=motion, covariance=covariance)
+
+    def _observe(
+        self, state: InferenceState, place: int, index: int, window: FeatureWindow, past: FloatArray
+    ) -> tuple[Observed, ...]:
         """What each member finds. Raises DataError when a feature is not finite."""
         copy, stride = state.copies[place], len(state.copies)
         missed = (index - copy.index) // stride - 1 if copy.index >= 0 else -1
@@ -203,7 +231,7 @@ class Inference:
             features = read_only(np.array(features, order="C"))  # Any other layout would be compiled for anew.
         found = tuple(
             [
-                member.observe(memory, features, label, steps, stride, missed)
+                member.observe(memory, features, past, label, steps, stride, missed)
                 for member, memory in zip(self._members, copy.members, strict=True)
             ]
         )

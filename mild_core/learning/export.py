@@ -79,6 +79,8 @@ def export(
     members, arrays = [], {"residual_covariance": np.asarray(residual_covariance, dtype=np.float64)}
     arrays["covariance_scale"] = np.array([covariance_scale.get(name, 1.0) for name in trained.interactions])
     arrays |= territory.to_arrays()
+    if trained.radial_basis is not None:
+        arrays |= {name: array.astype(np.float32) for name, array in trained.radial_basis.to_arrays().items()}
     for index, member in enumerate(trained.members):
         specs, found = _member(member)
         members.append(specs)
@@ -123,6 +125,7 @@ def _manifest(
         features=protocol.features,
         latent_size=settings.architecture.latent,
         stride=settings.stride,
+        past_s=settings.past_s,
         interactions=trained.interactions,
         prior=PriorSpec(settings.prior.kind, settings.prior.components, longest, settings.prior.restart),
         members=members,
@@ -135,7 +138,7 @@ def _manifest(
 def _member(member: TrainedMember) -> tuple[dict[str, NetworkSpec], Arrays]:
     """Networks of one member, and their arrays without the member's prefix."""
     networks, architecture = member.networks, member.networks.architecture
-    sizes = {"window": len(member.question.mean), "label": len(member.prior.priors), "context": architecture.memory}
+    sizes = {"label": len(member.prior.priors), "context": architecture.memory}
     specs: dict[str, NetworkSpec] = {}
     arrays: Arrays = {}
     for name in RUNNING:
@@ -145,16 +148,17 @@ def _member(member: TrainedMember) -> tuple[dict[str, NetworkSpec], Arrays]:
         inputs: tuple[str, ...] = getattr(architecture, name)
         layers, found = list(chain.specs), Arrays(chain.arrays())
         if "window" in inputs and member.question.directions is not None:
-            layers, found = _fronted(layers, found, _front(member.question, inputs, sizes))
+            layers, found = _fronted(layers, found, _front({"window": member.question}, inputs, sizes))
         if name == "decoder" and member.answer.directions is not None:
             back, found["window.weight"], found["window.bias"] = _back(member.answer)
             layers.append(back)
         specs[name] = NetworkSpec(inputs, tuple(layers))
         arrays |= {f"{name}.{key}": array for key, array in found.items()}
     if member.recogniser is not None:
-        front = _front(member.recogniser.question, ("window",), sizes)
+        inputs = ("window", "past") if member.recogniser.past.size else ("window",)
+        front = _front({"window": member.recogniser.question, "past": member.recogniser.past}, inputs, sizes)
         layers, found = _fronted(list(member.recogniser.network.specs), member.recogniser.network.arrays(), front)
-        specs["recogniser"] = NetworkSpec(("window",), tuple(layers))
+        specs["recogniser"] = NetworkSpec(inputs, tuple(layers))
         arrays |= {f"recogniser.{key}": array for key, array in found.items()}
     return specs, arrays
 
@@ -176,15 +180,16 @@ def _fronted(
 
 
 def _front(
-    question: Coordinates, inputs: Sequence[str], sizes: Mapping[str, int]
+    coordinates: Mapping[str, Coordinates], inputs: Sequence[str], sizes: Mapping[str, int]
 ) -> tuple[LayerSpec, FloatArray, FloatArray]:
-    """A layer that turns the window among a network's inputs into coordinates and passes all else."""
-    assert question.directions is not None
+    """A layer that turns some of a network's inputs into coordinates and passes all else."""
     weights, biases = [], []
     for name in inputs:
-        if name == "window":
-            weights.append((question.directions / question.scale).double().numpy())
-            biases.append(-question.mean.double().numpy() @ weights[-1])
+        if name in coordinates:
+            own = coordinates[name]
+            assert own.directions is not None
+            weights.append((own.directions / own.scale).double().numpy())
+            biases.append(-own.mean.double().numpy() @ weights[-1])
         else:
             weights.append(np.eye(sizes[name]))
             biases.append(np.zeros(sizes[name]))

@@ -11,6 +11,7 @@ import torch
 from torch.nn import functional
 
 from mild_core.inference.territory import Territory
+from mild_core.learning.clusters import clusters
 from mild_core.learning.coordinates import principal_coordinates
 from mild_core.learning.corpus import Corpus, bend, cut_tracks
 from mild_core.learning.demonstration import Demonstration
@@ -42,8 +43,6 @@ robot stops in the middle of what it does."""
 DRAWS = Augmentation(copies=4, speed=0.1, unsteadiness=0.1, arm_scale=0.05, yaw_rad=0.1, offset_m=0.01)
 """Trials are bent before latent radii are measured: the next person is not one of those who were recorded."""
 
-ITERATIONS = 30
-
 
 def territory_of(
     demonstrations: Sequence[Demonstration], protocol: Protocol, interactions: Sequence[str], seed: int
@@ -58,7 +57,7 @@ def territory_of(
         interactions: By label.
         seed: Of the clusters' beginnings.
 
-    Source: ours. Lloyd's algorithm, started as in Arthur, Vassilvitskii, "k-means++" (2007).
+    Source: ours.
     """
     whole = Fold(tuple(demonstrations), tuple(demonstrations))
     known = {trial.interaction for trial in demonstrations}
@@ -98,7 +97,7 @@ def clustered(
     centres = []
     for parts in windows.values():
         points = np.concatenate(parts) @ weight + bias
-        centres.append(_clusters(points, max(1, min(CENTRES, len(points) // LEAST_WINDOWS)), rng))
+        centres.append(clusters(points, max(1, min(CENTRES, len(points) // LEAST_WINDOWS)), rng))
     owners = np.repeat(np.arange(len(centres)), [len(found) for found in centres]).astype(np.float64)
     return Territory(weight, bias, np.concatenate(centres), owners, 1.0, KEPT_PER_S ** (1.0 / rate_hz))
 
@@ -119,24 +118,6 @@ def latent_radius(member: TrainedMember, corpus: Corpus, stride: int, seed: int)
         explanation = member.prior.priors[label_of].explain(means[b, n], covariances[b, n])
         distances[label_of].append(float(explanation.distances.min()))
     return MARGIN * np.array([np.quantile(found, QUANTILE) for found in distances])
-
-
-def _clusters(points: FloatArray, count: int, rng: np.random.Generator) -> FloatArray:
-    centres = points[rng.integers(len(points), size=1)]
-    for _ in range(count - 1):
-        squares = _squares(points, centres).min(axis=1)
-        centres = np.concatenate([centres, points[rng.choice(len(points), size=1, p=squares / squares.sum())]])
-    for _ in range(ITERATIONS):
-        nearest = _squares(points, centres).argmin(axis=1)
-        members = [points[nearest == m] for m in range(count)]
-        centres = np.stack([own.mean(axis=0) if len(own) else old for own, old in zip(members, centres, strict=True)])
-    return centres
-
-
-def _squares(points: FloatArray, centres: FloatArray) -> FloatArray:
-    """(N, M) squared distances."""
-    squares: FloatArray = (points**2).sum(axis=1)[:, None] + (centres**2).sum(axis=1) - 2.0 * points @ centres.T
-    return np.maximum(squares, 0.0)
 
 
 def bone_lengths_m(segments: Sequence[FloatArray]) -> tuple[float, float]:

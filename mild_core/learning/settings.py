@@ -126,6 +126,7 @@ class RecogniserSettings:
         dropout: Share of the values dropped after each hidden layer.
         learning_rate: Of AdamW, falling to zero like a cosine.
         epochs: Of its own, for each of the other networks'.
+        past: Whether it sees where the arm has been beside the window, see `past`; of short windows it needs to.
     """
 
     question_coordinates: int = 30
@@ -134,6 +135,30 @@ class RecogniserSettings:
     dropout: float = 0.2
     learning_rate: float = 3e-3
     epochs: float = 1.5
+    past: bool = False
+
+
+@dataclass(frozen=True)
+class RadialBasisSettings:
+    """The network beside the members, see `radial_basis`.
+
+    Attributes:
+        share: That its answer has, the members together having the rest.
+        centres: Of each interaction, at most.
+        coordinates: Principal components of the human's window that it sees.
+        velocity_weight: What a velocity of a metre per second counts beside a position of a metre.
+        past_weight: What the past counts beside the window.
+    """
+
+    share: float = 0.33
+    centres: int = 200
+    coordinates: int = 30
+    velocity_weight: float = 0.5
+    past_weight: float = 0.7
+
+    def __post_init__(self) -> None:
+        if not (0.0 < self.share <= 1.0 and self.centres > 0 and self.coordinates > 0):
+            raise ValueError("share must be above 0 and at most 1, centres and coordinates at least 1")
 
 
 @dataclass(frozen=True)
@@ -146,6 +171,8 @@ class TrainingSettings:
         weights: Of the objective's terms.
         augmentation: None: trials as recorded.
         recogniser: None: the priors' likelihoods tell interactions apart.
+        radial_basis: None: the members answer alone.
+        past_s: Time constants of the fading means of positions that recogniser and radial basis see [s].
         stride: S: belief and memory see every S-th window; durations count in steps of S frames.
         gradient_stride: Windows between two that are learned from; `stride` where a gradient passes memory or belief.
         epochs: Number of passes over all trials.
@@ -168,6 +195,8 @@ class TrainingSettings:
     weights: LossWeights = field(default_factory=LossWeights)
     augmentation: Augmentation | None = field(default_factory=Augmentation)
     recogniser: RecogniserSettings | None = field(default_factory=RecogniserSettings)
+    radial_basis: RadialBasisSettings | None = field(default_factory=RadialBasisSettings)
+    past_s: tuple[float, ...] = (0.5, 2.0)
     stride: int = 16
     gradient_stride: int = 16
     epochs: int = 200
@@ -207,6 +236,8 @@ PAPER = TrainingSettings(
     weights=LossWeights(prediction=0.0, observed=1.0, controlled=1.0, divergence=1e-3),
     augmentation=None,
     recogniser=None,
+    radial_basis=None,
+    past_s=(),
     stride=1,
     gradient_stride=40,
     epochs=200,

@@ -9,10 +9,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from mild_core.inference.radial_basis import RadialBasis
 from mild_core.learning.coordinates import Coordinates
 from mild_core.learning.corpus import corpus_of, cut_tracks
 from mild_core.learning.demonstration import Demonstration
 from mild_core.learning.latent_prior import LatentPrior
+from mild_core.learning.radial_basis import pasts
 from mild_core.learning.recogniser import Recogniser
 from mild_core.learning.settings import TrainingSettings
 from mild_core.learning.vae import MemberNetworks
@@ -59,6 +61,7 @@ class TrainedModel:
         seed: Of all draws.
         interactions: By label.
         members: At least one.
+        radial_basis: What answers beside them; None: they answer alone.
     """
 
     protocol: Protocol
@@ -66,6 +69,7 @@ class TrainedModel:
     seed: int
     interactions: tuple[str, ...]
     members: tuple[TrainedMember, ...]
+    radial_basis: RadialBasis | None = None
 
     def predict(self, demonstration: Demonstration) -> FloatArray:
         """Answer every window of a trial, its interaction given: torch's word, which the run time is held against.
@@ -82,4 +86,12 @@ class TrainedModel:
             for member in self.members:
                 answer = member.predict(batch.question, batch.label)[0].double().numpy()
                 answers[first::stride] += answer.reshape(-1, *true.shape[1:]) / len(self.members)
-        return answers
+        basis = self.radial_basis
+        if basis is None:
+            return answers
+        label = np.eye(len(self.interactions))[self.interactions.index(demonstration.interaction)]
+        observed = cut(demonstration, self.protocol).observed
+        past = pasts(demonstration, self.protocol, self.settings.past_s)
+        beside = np.array([basis.answer(*seen, label) for seen in zip(observed, past, strict=True)])
+        blended: FloatArray = answers + basis.share[0] * (beside.reshape(answers.shape) - answers)
+        return blended

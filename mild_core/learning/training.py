@@ -26,6 +26,7 @@ from mild_core.learning.coordinates import Coordinates, plain_coordinates, princ
 from mild_core.learning.corpus import Corpus, WindowBatch, bend, corpus_of, cut_tracks
 from mild_core.learning.demonstration import Demonstration
 from mild_core.learning.objective import Objective
+from mild_core.learning.radial_basis import fit_radial_basis
 from mild_core.learning.recogniser import Recogniser, train_recogniser
 from mild_core.learning.settings import Augmentation, TrainingSettings
 from mild_core.learning.snapshot import FittedPriors, Learner, Snapshot
@@ -112,7 +113,8 @@ def train(
         if member < len(resume):
             learner.go_on_from(resume[member], settings, interactions)
         members.append((yield from _train_member(corpus, objective, learner, seed, member)))
-    return TrainedModel(corpus.protocol, settings, seed, interactions, tuple(members))
+    beside = fit_radial_basis(demonstrations, protocol, interactions, settings, seed)
+    return TrainedModel(corpus.protocol, settings, seed, interactions, tuple(members), beside)
 
 
 def _require_length(demonstrations: Sequence[Demonstration], protocol: Protocol, settings: TrainingSettings) -> None:
@@ -196,7 +198,7 @@ def _recogniser(corpus: Corpus, settings: TrainingSettings) -> Recogniser | None
     if settings.recogniser is None:
         return None
     epochs = round(settings.recogniser.epochs * settings.epochs)
-    return train_recogniser(corpus, settings.recogniser, settings.augmentation or UNBENT, epochs)
+    return train_recogniser(corpus, settings.recogniser, settings.augmentation or UNBENT, settings.past_s, epochs)
 
 
 def _rate(settings: TrainingSettings, epoch: int) -> float:
