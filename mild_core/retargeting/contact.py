@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """How the learned motion gives way to inverse kinematics, so that the hands meet, and takes over again afterwards.
 
-The person's hand is where it is seen; the learned hand is where the model says, with a covariance. While they are far
-apart the robot moves as it has learned. As they come near each other, the target of the robot's hand moves from the
-learned one to their precision-weighted mean, which is almost the person's hand where the model is unsure. What the
-hand leaves free of the joints stays as learned.
+The person's hand is where it is seen; the learned hand is where the model says, with a covariance. While either the
+learned hand or the robot's own, which may have to catch up, is far from the person's, the robot moves as it has
+learned. As they come near, the target of the robot's hand moves from the learned one to their precision-weighted mean,
+which is almost the person's hand where the model is unsure. What the hand leaves free of the joints stays as learned.
 
 The gate is the distance and not the phase: the phase of an interaction that begins and ends at rest does not rise
 from 0 to 1, while hands that are meant to touch are near each other exactly then.
@@ -27,7 +27,7 @@ from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.settings import Mix
 from mild_core.shapes import FloatArray
 
-FAR_M, NEAR_M = 0.35, 0.20
+FAR_M, NEAR_M = 0.30, 0.20
 """Learned and seen hand: further apart each goes its way, nearer they meet. Recorded hands that touch are less than
 0.15 m apart in the model's frame in nine trials of ten, those of a wave 0.6 m."""
 
@@ -47,6 +47,10 @@ as it has never seen how long this person's arm is nor how far away they stand."
 IN_HAND_M, ARRIVING_M = 0.03, 0.10
 """Nearer than the first the hands touch; further than the second they do not."""
 
+RELENT = 1.0
+"""Where the hand stays 10 cm away, a radian from the learned posture costs as much as another 10 cm: an arm that
+contorts itself for the last of them is late when the person comes nearer."""
+
 TRIED_POSES, SEED = 1000, 7
 """As far as the hand comes from the shoulder in so many random poses it is sent: further the arm would be straight, and
 a straight arm that is sent further yet trembles."""
@@ -63,7 +67,7 @@ class Touch:
         share: 0 for the learned motion, 1 for the person's hand.
         joints_rad: J positions that the solver found last.
         gap_m: From the learned hand to where the person's would draw it.
-        apart_m: Between the person's hand and the hand that this commands.
+        apart_m: Between the person's hand and the robot's.
         withdrawn: Whether the person has taken the hand back: it is followed no more, and the gap of before fades.
     """
 
@@ -97,7 +101,9 @@ class Contact:
             self.robot.lower_rad, self.robot.upper_rad, (TRIED_POSES, len(self.robot.joint_names))
         )
         object.__setattr__(self, "_chain", chain)
-        object.__setattr__(self, "_solver", InverseKinematics(self.robot, (self.robot.tool_link,), self.margin_rad))
+        object.__setattr__(
+            self, "_solver", InverseKinematics(self.robot, (self.robot.tool_link,), self.margin_rad, RELENT)
+        )
         reach_m = max(math.dist(chain.offsets[0][:3, 3], chain.tool(pose)) for pose in tried)
         object.__setattr__(self, "_reach_m", reach_m)
 
@@ -108,6 +114,7 @@ class Contact:
         hand_m: FloatArray | None,
         offered: bool,
         before: Touch | None,
+        here_rad: FloatArray,
         elapsed_s: float,
     ) -> tuple[FloatArray, Touch | None]:
         """Where the joints shall be.
@@ -118,13 +125,15 @@ class Contact:
             hand_m: (3,) the person's hand, if it is known and the interaction is one in which hands touch.
             offered: Whether the person holds it out: then hands that have met stay together, wherever the model goes.
             before: Of the command before.
+            here_rad: (J,) where the robot is by that command.
             elapsed_s: Since then.
 
         Returns:
             (J,) positions [rad], and how far the hands are brought together; None when they are not.
         """
         posture = self.robot.home_rad if self.mix == "only" else learned_rad
-        tool = self._chain.tool(posture)
+        tool, here = self._chain.tool(posture), self._chain.tool(here_rad)
+        apart = math.inf if hand_m is None else math.dist(here, hand_m)
         wanted = 0.0 if hand_m is None else self._nearness(tool, hand_m)
         share = 0.0 if before is None else before.share
         withdrawn = before is not None and before.withdrawn and not offered
@@ -132,6 +141,8 @@ class Contact:
             withdrawn = not offered and wanted < PARTED
             if offered:
                 wanted = max(wanted, self._nearness(self._chain.tool(np.array(before.joints_rad)), hand_m))
+        elif hand_m is not None:
+            wanted = min(wanted, self._nearness(here, hand_m))
         wanted = 0.0 if withdrawn else wanted
         most = elapsed_s / OVER_S
         share += min(max(wanted - share, -most), most)
@@ -145,7 +156,6 @@ class Contact:
             gap = np.zeros(3) if before is None else np.array(before.gap_m)
         start = posture if before is None else np.array(before.joints_rad)
         joints = self._solver.step(start, [Reach(self.robot.tool_link, self._within(tool + share * gap))], posture)
-        apart = math.inf if hand_m is None else math.dist(self._chain.tool(joints), hand_m)
         return joints, Touch(share, tuple(joints.tolist()), tuple(gap.tolist()), apart, withdrawn)
 
     def _nearness(self, tool_m: FloatArray, hand_m: FloatArray) -> float:

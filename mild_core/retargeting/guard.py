@@ -39,10 +39,6 @@ WORSE_M = 1e-6
 TOO_FAST = "refused_speed"
 """Counted when a motion is too fast near the person."""
 
-BETWEEN = 0.95
-"""A motion is too fast from this share of the speed on that is allowed: a stop may be faster between the places at
-which it is looked at."""
-
 HURRIED_M = 0.2
 """As far outside of where the speed is limited a robot that is late may begin to catch up faster."""
 
@@ -137,7 +133,7 @@ class Guard:
                 return "refused_self_collision", here[NEAR]
             if there[PERSON] < min(0.0, here[PERSON] - WORSE_M):
                 return "refused_keep_out", here[NEAR]
-            if there[NEAR] < self.settings.near_m and there[SPEED] > BETWEEN * self.settings.near_speed_m_s:
+            if there[NEAR] < self.settings.near_m and there[SPEED] > self.settings.near_speed_m_s:
                 return TOO_FAST, here[NEAR]
         return "", here[NEAR]
 

@@ -58,12 +58,14 @@ class InverseKinematics:
         robot: Its joints that nothing commands stay at rest.
         links: Those that may be placed.
         margin_rad: Distance kept from the position limits.
+        relent: How much more the posture is worth where a link does not come to its place, times the square of how far
+            it is from it: an arm that cannot reach shall not contort itself for the last centimetres.
 
     Raises:
         SetupError: A library is not installed, the description has no such link, or a joint that turns without end.
     """
 
-    def __init__(self, robot: RobotModel, links: Sequence[str], margin_rad: float = 0.0) -> None:
+    def __init__(self, robot: RobotModel, links: Sequence[str], margin_rad: float = 0.0, relent: float = 0.0) -> None:
         try:
             import daqp  # type: ignore[import-not-found]
             import pinocchio  # type: ignore[import-untyped]
@@ -78,7 +80,7 @@ class InverseKinematics:
         self._lower[self._order], self._upper[self._order] = robot.lower_rad + margin_rad, robot.upper_rad - margin_rad
         self._data = self._model.createData()
         self._frames = {link: self._model.getFrameId(link, pinocchio.BODY) for link in links}
-        self._bodies, self._solve = pinocchio, daqp.solve
+        self._bodies, self._solve, self._relent = pinocchio, daqp.solve, relent
         self._no_rows = np.zeros((0, len(self._order)))  # of constraints: there are bounds of the variables alone
 
     def step(
@@ -111,17 +113,16 @@ class InverseKinematics:
         """(J, J) and (J,) of the quadratic program for the step from `at`: squares of what is left of every error."""
         bodies, model, data = self._bodies, self._model, self._data
         bodies.computeJointJacobians(model, data, at)
-        damping, gradient = POSTURE_COST**2, POSTURE_COST**2 * (at - posture)
-        rows = []
+        rows, left = [], []
         for reach, place_m in zip(reaches, places_m, strict=True):
             frame = self._frames[reach.link]
-            left_m = reach.weight * (place_m - bodies.updateFramePlacement(model, data, frame).translation)
-            jacobian = bodies.getFrameJacobian(model, data, frame, bodies.LOCAL_WORLD_ALIGNED)[:3] * reach.weight
-            damping += DAMPING * float(left_m @ left_m)
-            gradient = gradient - left_m @ jacobian
-            rows.append(jacobian)
-        stacked = np.concatenate(rows)
-        return stacked.T @ stacked + damping * np.eye(len(at)), gradient
+            left.append(reach.weight * (place_m - bodies.updateFramePlacement(model, data, frame).translation))
+            rows.append(reach.weight * bodies.getFrameJacobian(model, data, frame, bodies.LOCAL_WORLD_ALIGNED)[:3])
+        jacobian, left_m = np.concatenate(rows), np.concatenate(left)
+        square = float(left_m @ left_m)
+        pull = POSTURE_COST**2 + self._relent * square
+        hessian = jacobian.T @ jacobian + (pull + DAMPING * square) * np.eye(len(at))
+        return hessian, pull * (at - posture) - left_m @ jacobian
 
 
 def _reduced(pinocchio: Any, robot: RobotModel) -> tuple[list[int], Any]:

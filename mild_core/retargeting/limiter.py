@@ -32,7 +32,7 @@ Joints = tuple[float, ...]
 ROUNDING = 1e-9
 """Below this an angle [rad], a speed or an acceleration is what rounding left over: no encoder sees it."""
 
-STOP_SHARES = (0.25, 0.5, 1.0)
+STOP_SHARES = (0.12, 0.25, 0.5, 1.0)
 """Where a stop is looked at: it is fastest in its first half, and furthest at its end."""
 
 

@@ -225,7 +225,8 @@ class Retargeting:
             touches = plan.interaction in self.standing.by_interaction and np.isfinite(body.hand_m).all()
             hand_m = self._guard.outside(body.hand_m, body) if touches else None
             offered = state.sight is not None and state.sight.offered()
-            aimed, touch = self._contact.aim(aimed, plan.covariance, hand_m, offered, state.touch, elapsed_s)
+            known = (plan.covariance, hand_m, offered, state.touch)
+            aimed, touch = self._contact.aim(aimed, *known, np.array(motion.position_rad), elapsed_s)
             aimed = np.minimum(np.maximum(aimed, self._lower), self._upper)
         hurry = 0.0 if touch is None else touch.share * self._guard.nearness(state.near_m)
         pursuit, target = pursuit.nearer(aimed, self.settings.ramp_velocity_rad_s, hurry, elapsed_s)

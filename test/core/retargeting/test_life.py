@@ -96,6 +96,12 @@ def test_hands_meet_where_the_person_holds_theirs_and_the_arm_is_soft_then() -> 
     assert run.last.stiffness < 0.5
     assert learned.last.stiffness == 1.0
     check_limits(YUMI, run.commands)
+    hand = STANDING.placed(hand_m, ARM_FRAME, STANDING.place_m)
+    for here, there in zip(run.commands, learned.commands, strict=True):
+        if np.linalg.norm(chain_of(YUMI).tool(there.positions_rad) - hand) > 0.35:
+            assert np.abs(here.positions_rad - there.positions_rad).max() < np.deg2rad(5), "before the approach"
+        if np.linalg.norm(chain_of(YUMI).tool(here.positions_rad) - hand) > 0.15:
+            assert here.stiffness == 1.0, "an arm that reaches is stiff"
 
 
 def test_no_hand_is_met_in_an_interaction_without_touch() -> None:
