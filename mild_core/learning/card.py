@@ -50,7 +50,8 @@ def model_card(manifest: Manifest, recording: Recording, retrain: str) -> str:
         f"Licence: {recording.licence}. The recordings are not part of this package, and this folder stores none of "
         "their windows: networks, Gaussians and a synthetic sample only.\n",
         f"Trials: {training.get('trials', 'unknown')}, {whose} {training.get('split', 'training')} split only. "
-        f"Seeds: {_listed(training.get('seeds', ()))}. Source revision: {training.get('git_revision', 'unknown')}.\n",
+        f"Seeds: {_listed(training.get('seeds', ()))}. {_epochs(training)}"
+        f"Source revision: {training.get('git_revision', 'unknown')}.\n",
         "## Errors\n",
         errors_text(manifest.errors),
         "## Limits\n",
@@ -68,6 +69,11 @@ def _moves(manifest: Manifest) -> str:
     if manifest.controlled.kind == "human_arm":
         return "Telling where the right arm of a second person would be, to be mapped onto a robot's,"
     return f"Moving the {len(manifest.controlled.joint_names)} joints of one arm of `{manifest.controlled.robot}`"
+
+
+def _epochs(training: Mapping[str, Any]) -> str:
+    """For how long each network learned, and why no longer."""
+    return f"Epochs: {training['epochs']} ({training.get('stopped')}). " if "epochs" in training else ""
 
 
 def _configured(training: Mapping[str, Any]) -> list[str]:

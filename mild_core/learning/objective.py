@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import torch
@@ -93,13 +94,24 @@ class Objective:
         divergence = self._divergence(human, prior, batch, True) + self._divergence(robot, prior, batch, False)
         prediction = zero
         if weights.prediction > 0.0:
-            # Before there is a prior the human's latent stands in for the robot's, to set the encoder going.
-            conditioned = human.mean
-            if prior is not None:
-                conditioned = networks.condition(known, *prior.explain(human, batch.label))
-            predicted = networks.answer(known, networks.correct(known, conditioned))
-            prediction = self._reconstruction(predicted[None], wanted, self.answer, batch)
+            prediction = self.prediction(networks, batch, prior, known, human)
         return Terms(prediction, observed, controlled, divergence)
+
+    def prediction(
+        self,
+        networks: MemberNetworks,
+        batch: WindowBatch,
+        prior: LatentPrior | None,
+        known: Mapping[str, Tensor],
+        human: Posterior,
+    ) -> Tensor:
+        """Error of the robot's windows from what is `known` of the human and the latent that follows from it."""
+        # Before there is a prior the human's latent stands in for the robot's, to set the encoder going.
+        conditioned = human.mean
+        if prior is not None:
+            conditioned = networks.condition(known, *prior.explain(human, batch.label))
+        predicted = networks.answer(known, networks.correct(known, conditioned))
+        return self._reconstruction(predicted[None], self.answer.project(batch.answer), self.answer, batch)
 
     def _reconstruction(self, given: Tensor, wanted: Tensor, coordinates: Coordinates, batch: WindowBatch) -> Tensor:
         """Mean weighted squared error of (S, B, N, n) samples."""

@@ -188,6 +188,8 @@ class TrainingSettings:
         averaging: Share that the running average of the weights keeps at each epoch once the prior is frozen; 0: the
             last weights are taken.
         members: Networks trained from different seeds, whose answers are averaged.
+        patience: Epochs without a better error on held-out trials after which the number of epochs is found, see
+            `stopping`; 0: it is `epochs`.
     """
 
     architecture: Architecture = field(default_factory=Architecture)
@@ -210,6 +212,7 @@ class TrainingSettings:
     samples: int = 1
     averaging: float = 0.97
     members: int = 3
+    patience: int = 0
 
     def __post_init__(self) -> None:
         through = self.weights.prediction > 0.0 or bool(self.architecture.context)

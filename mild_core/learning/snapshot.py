@@ -66,6 +66,7 @@ class Learner:
         fitted: None before the first estimate.
         average: Running average of the weights; empty before there is one.
         epochs: How many are done.
+        validation: Errors on held-out trials after each, where some are held out.
     """
 
     networks: MemberNetworks
@@ -73,6 +74,7 @@ class Learner:
     fitted: FittedPriors | None = None
     average: dict[str, Tensor] = field(default_factory=dict)
     epochs: int = 0
+    validation: list[float] = field(default_factory=list)
 
     @property
     def prior(self) -> LatentPrior | None:
@@ -91,6 +93,7 @@ class Learner:
         for number, moments in self.optimiser.state_dict()["state"].items():
             tensors |= {f"optimiser/{number}/{name}": value for name, value in moments.items()}
         tensors |= {f"average/{name}": value for name, value in self.average.items()}
+        tensors |= {"validation/errors": torch.tensor(self.validation, dtype=torch.float64)} if self.validation else {}
         if self.fitted is None:
             return Snapshot(self.epochs, 0, tensors)
         for place, prior in enumerate(self.fitted.by_name.values()):
@@ -116,6 +119,7 @@ class Learner:
         groups = self.optimiser.state_dict()["param_groups"]
         self.optimiser.load_state_dict({"state": moments, "param_groups": groups})
         self.average, self.epochs = parts.get("average", {}), snapshot.epochs
+        self.validation = parts["validation"]["errors"].tolist() if "validation" in parts else []
         if snapshot.steps:
             arrays: dict[str, dict[str, np.ndarray]] = {}
             for name, value in parts["prior"].items():

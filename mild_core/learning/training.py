@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import torch
@@ -18,22 +18,22 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from mild_core.errors import DatasetError
-from mild_core.inference.priors import PRIORS
-from mild_core.inference.priors.prior import FitSettings
 from mild_core.learning.carry_over import carry_over
 from mild_core.learning.compiled_gru import compile_memories
 from mild_core.learning.coordinates import Coordinates, plain_coordinates, principal_coordinates
 from mild_core.learning.corpus import Corpus, WindowBatch, bend, corpus_of, cut_tracks
 from mild_core.learning.demonstration import Demonstration
+from mild_core.learning.folds import folds_of, require_folds
 from mild_core.learning.objective import Objective
 from mild_core.learning.radial_basis import fit_radial_basis
 from mild_core.learning.recogniser import Recogniser, train_recogniser
+from mild_core.learning.reestimation import refit
 from mild_core.learning.settings import Augmentation, TrainingSettings
-from mild_core.learning.snapshot import FittedPriors, Learner, Snapshot
+from mild_core.learning.snapshot import Learner, Snapshot
+from mild_core.learning.stopping import best_epoch, levelled_off, validation_error
 from mild_core.learning.trained import TrainedMember, TrainedModel
 from mild_core.learning.vae import MemberNetworks
 from mild_core.learning.windows import Protocol
-from mild_core.shapes import FloatArray
 
 UNBENT = Augmentation(1, 0.0, 0.0, 2, 0.0, 0.0, 0.0)
 """Trials as recorded, as an augmentation."""
@@ -48,8 +48,8 @@ class EpochReport:
     """How one epoch of one member went.
 
     Attributes:
-        member: Its number, from 0.
-        members: How many there will be.
+        member: Its number, from 0; with `patience` the first is the one that looks for the number of epochs.
+        members: How many there will be, that one included.
         epoch: Its number, from 0.
         epochs: How many there will be.
         prediction: Mean error of the robot's window given the human's; see `objective.Terms` for all four.
@@ -58,6 +58,7 @@ class EpochReport:
         divergence: Mean divergence of both posteriors from the prior [nats].
         log_likelihood: Of the latents under the prior, by step [nats]; NaN while the prior is not re-estimated.
         snapshot: What to go on from after it.
+        validation: Error of prediction on the trials held out; NaN where none are.
     """
 
     member: int
@@ -70,6 +71,7 @@ class EpochReport:
     divergence: float
     log_likelihood: float
     snapshot: Snapshot
+    validation: float = math.nan
 
 
 def train(
@@ -100,19 +102,28 @@ def train(
 
     Raises:
         ValueError, KeyError, RuntimeError: There is no demonstration, or a snapshot is of something else.
-        DatasetError: One is too short for the prior's components.
+        DatasetError: One is too short for the prior's components; with `patience` there are too few to hold some out.
 
     Source: Algorithm 1 of MILD.
     """
     interactions = tuple(interactions or dict.fromkeys(d.interaction for d in demonstrations))
     _require_length(demonstrations, protocol, settings)
-    corpus = corpus_of(demonstrations, protocol, interactions)
-    members = []
-    for member in range(settings.members):
-        learner, objective = _learner(corpus, settings, seed, member, start or {})
-        if member < len(resume):
-            learner.go_on_from(resume[member], settings, interactions)
-        members.append((yield from _train_member(corpus, objective, learner, seed, member)))
+    corpus, members, before = corpus_of(demonstrations, protocol, interactions), [], int(settings.patience > 0)
+    for number in range(-before, settings.members):
+        trials, held_out = corpus, None
+        if number < 0:  # the one that looks for the number of epochs
+            require_folds(demonstrations, interactions)
+            fold = folds_of(demonstrations)[0]
+            trials, held_out = (corpus_of(part, protocol, interactions) for part in (fold.learned, fold.held_out))
+        learner, objective = _learner(trials, settings, seed, number, start or {})
+        if number + before < len(resume):
+            learner.go_on_from(resume[number + before], settings, interactions)
+        for report in _epochs(trials, objective, learner, seed, number, held_out):
+            yield replace(report, member=number + before, members=settings.members + before)
+        if held_out is None:
+            members.append(_trained(corpus, objective, learner, seed, number))
+        else:
+            settings = replace(settings, epochs=best_epoch(learner.validation))
     beside = fit_radial_basis(demonstrations, protocol, interactions, settings, seed)
     return TrainedModel(corpus.protocol, settings, seed, interactions, tuple(members), beside)
 
@@ -162,34 +173,45 @@ def _learner(
     return Learner(networks, optimiser), Objective(settings, question, answer, labels)
 
 
-def _train_member(
-    corpus: Corpus, objective: Objective, learner: Learner, seed: int, member: int
-) -> Generator[EpochReport, None, TrainedMember]:
+def _epochs(
+    corpus: Corpus, objective: Objective, learner: Learner, seed: int, number: int, held_out: Corpus | None
+) -> Iterator[EpochReport]:
+    """The epochs of one learner, until they are done or the error on `held_out` has levelled off."""
     settings, networks = objective.settings, learner.networks
     frozen = round(settings.prior.frozen_from * settings.epochs)
     for epoch in range(learner.epochs, settings.epochs):
+        if held_out is not None and levelled_off(learner.validation, settings.patience):
+            return
         if epoch == settings.observed_epochs and epoch:
             networks.start_controlled_from_observed()
             learner.fitted = None
         for group in learner.optimiser.param_groups:
             group["lr"] = settings.learning_rate * _rate(settings, epoch)
-        with drawing_from(seed, member, epoch):
+        with drawing_from(seed, number, epoch):
             terms = _pass(learner, objective, corpus, epoch < settings.observed_epochs)
         log_likelihood = math.nan
         due = epoch % settings.prior.every == 0 or epoch == settings.observed_epochs or epoch >= frozen - 1
         if learner.fitted is None or (epoch < frozen and due):
-            learner.fitted, log_likelihood = _refit(networks, objective, corpus, learner.fitted)
+            learner.fitted, log_likelihood = refit(networks, objective, corpus, learner.fitted)
         if settings.averaging and epoch >= frozen:
             learner.average_in(settings.averaging)
-        learner.epochs = epoch + 1
+        learner.epochs, validation = epoch + 1, math.nan
+        if held_out is not None:
+            validation = validation_error(learner, objective, held_out)
+            learner.validation.append(validation)
         snapshot = learner.snapshot()
-        yield EpochReport(member, settings.members, epoch, settings.epochs, *terms, log_likelihood, snapshot)
+        yield EpochReport(number, 0, epoch, settings.epochs, *terms, log_likelihood, snapshot, validation)
+
+
+def _trained(corpus: Corpus, objective: Objective, learner: Learner, seed: int, number: int) -> TrainedMember:
+    """A learner after its last epoch."""
+    networks = learner.networks
     if learner.average:
         networks.load_state_dict(learner.average)
     networks.eval()
     assert learner.prior is not None  # every epoch without one ends by making it
-    with drawing_from(seed, member, settings.epochs):
-        recogniser = _recogniser(corpus, settings)
+    with drawing_from(seed, number, objective.settings.epochs):
+        recogniser = _recogniser(corpus, objective.settings)
     return TrainedMember(networks, learner.prior, objective.question, objective.answer, recogniser)
 
 
@@ -253,53 +275,3 @@ def _pass(
         sums += torch.stack([terms.prediction, terms.observed, terms.controlled, terms.divergence]).detach()
     prediction, observed, controlled, divergence = (sums / max(len(batches), 1)).tolist()
     return prediction, observed, controlled, divergence
-
-
-def _refit(
-    networks: MemberNetworks, objective: Objective, corpus: Corpus, before: FittedPriors | None
-) -> tuple[FittedPriors, float]:
-    """Encode all trials as recorded and re-estimate each interaction's prior, from the last one if there is one."""
-    settings = objective.settings.prior
-    latents, widening, steps = encode(networks, objective, corpus)
-    fit = FitSettings(iterations=settings.iterations, covariance_fraction=settings.covariance_fraction)
-    refitted, log_likelihood, frames = {}, 0.0, 0
-    for name, sequences in latents.items():
-        if before is None:
-            size = objective.settings.architecture.latent
-            prior = PRIORS[settings.kind].from_demonstrations(sequences, settings.components, size, fit)
-        else:
-            prior = before.by_name[name]
-        found = prior.fit(sequences, fit)
-        refitted[name] = found.prior
-        log_likelihood += found.log_likelihoods[-1]
-        frames += sum(len(z) for z in sequences)
-    return FittedPriors(refitted, widening, steps), log_likelihood / frames
-
-
-def encode(
-    networks: MemberNetworks, objective: Objective, corpus: Corpus
-) -> tuple[dict[str, list[FloatArray]], tuple[Tensor, Tensor], int]:
-    """Joint latents of all trials as recorded.
-
-    Returns:
-        By interaction, one (N, Z) of posterior means per trial and interleaved copy (at most two of these: neighbours
-        are almost equal); the mean posterior covariances of both agents; the most steps that any window can be at.
-    """
-    stride = objective.settings.stride
-    latents: dict[str, list[FloatArray]] = {name: [] for name in corpus.interactions}
-    covariances: list[tuple[Tensor, Tensor]] = []
-    networks.eval()
-    steps = 0
-    with torch.no_grad():
-        for first in sorted({0, stride // 2}):
-            batch = cut_tracks(corpus, corpus.tracks, first, stride)
-            human = networks.observe(objective.known(networks, batch))
-            robot = networks.counterpart(objective.answer.project(batch.answer))
-            joint = torch.cat([human.mean, robot.mean], dim=-1).double().numpy()
-            for label, row, valid in zip(batch.label.tolist(), joint, batch.valid, strict=True):
-                latents[corpus.interactions[label]].append(row[: int(valid.sum())])
-            recorded = batch.valid > 0
-            covariances.append((human.covariance[recorded].mean(0), robot.covariance[recorded].mean(0)))
-            steps = max(steps, batch.valid.shape[1])
-    mean = (torch.stack([pair[0] for pair in covariances]).mean(0), torch.stack([p[1] for p in covariances]).mean(0))
-    return latents, mean, steps + 1

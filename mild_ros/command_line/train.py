@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from mild_core.learning.configuration import Configuration
     from mild_core.learning.demonstration import Demonstration
     from mild_core.learning.recording import Recording
-    from mild_core.learning.settings import TrainingSettings
     from mild_core.learning.trained import TrainedModel
     from mild_core.learning.training import EpochReport
 
@@ -56,6 +55,9 @@ def train(
     seed: Annotated[int | None, typer.Option(help="Another seed of all draws [default: the configuration's].")] = None,
     epochs: Annotated[int, typer.Option(min=0, help="Another number of epochs; 0: the configuration's.")] = 0,
     members: Annotated[int, typer.Option(min=0, help="Another number of networks; 0: the configuration's.")] = 0,
+    patience: Annotated[
+        int, typer.Option(min=0, help="Epochs without a better error after which to stop; 0: the configuration's.")
+    ] = 0,
     errors: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="cross_validation_<protocol>.json of `mild evaluate --cv`, for the card."),
@@ -83,6 +85,11 @@ def train(
 
         mild train --dataset my_trials --out my_model
 
+    How many epochs are enough: with --patience 30 (`patience` of a configuration) a first network learns from three
+    folds of four and is asked about the fourth after every epoch; when its error has not fallen by a hundredth for 30
+    epochs it has levelled off. The model then learns from all trials for as many epochs as were best; its card says
+    how many.
+
     The folder then works wherever a model is named: `ros2 run mild_ros pipeline --ros-args -p model:=my_model`. Without
     --errors the uncertainty is measured on the training trials themselves and so too small; the card says so.
 
@@ -91,7 +98,7 @@ def train(
     """
     from mild_core.learning.datasets import recording_named
 
-    asked = _asked(config, dataset, seed, epochs, members)
+    asked = _asked(config, dataset, seed, {"epochs": epochs, "members": members, "patience": patience})
     settings, recording = asked.settings, recording_named(asked.dataset, data)
     measured = _measured(errors, asked, recording)
     trials = _trials(recording, data or recording.default_path())
@@ -99,7 +106,8 @@ def train(
     trained, checkpoint = _learned(trials, asked, recording, out)
     chosen = [f"--config {config or LIVE}"] * bool(config or not dataset) + [f"--dataset {dataset}"] * bool(dataset)
     command = f"mild train {' '.join(chosen)} --seed {asked.seed} --epochs {settings.epochs}"
-    command += f" --members {settings.members} --out {out}" + (f" --errors {errors}" if errors else "")
+    command += f" --members {settings.members}" + (f" --patience {patience}" if patience else "") + f" --out {out}"
+    command += f" --errors {errors}" if errors else ""
     _write(out, trained, trials, (asked, recording), measured, command)
     checkpoint.remove()
 
@@ -115,9 +123,9 @@ def _learned(
     protocol, settings, start = recording.protocols[asked.protocol], asked.settings, start_of(asked)
     checkpoint = Checkpoint(out / FOLDER, identity(trials, protocol, settings, asked.seed, start))
     shown = tuple(name for name in recording.interactions if any(trial.interaction == name for trial in trials))
-    resume = checkpoint.read(settings.members)
+    resume = checkpoint.read(settings.members + (settings.patience > 0))
     epochs = train_model(trials, protocol, settings, asked.seed, shown, start, resume)
-    return _finished(epochs, settings, checkpoint), checkpoint
+    return _finished(epochs, checkpoint), checkpoint
 
 
 def _trials(recording: Recording, path: Path) -> tuple[Demonstration, ...]:
@@ -128,15 +136,19 @@ def _trials(recording: Recording, path: Path) -> tuple[Demonstration, ...]:
     return trials
 
 
-def _asked(config: str, dataset: str, seed: int | None, epochs: int, members: int) -> Configuration:
-    """The configuration with what the options change of it, and the folder of the model that it starts from."""
+def _asked(config: str, dataset: str, seed: int | None, others: dict[str, int]) -> Configuration:
+    """The configuration with what the options change of it, and the folder of the model that it starts from.
+
+    Of `others`, settings by name, 0 leaves what is configured.
+    """
     from mild_core.learning.configuration import configuration_for, configuration_names, read_configuration
 
     asked = read_configuration(config or LIVE) if config or not dataset else configuration_for(dataset, "ahead")
     if asked is None:
         raise SetupError(f"dataset {dataset}", "is not enough", f"add --config {'|'.join(configuration_names())}")
-    settings, asked = asked.settings, replace(asked, dataset=dataset or asked.dataset)
-    settings = replace(settings, epochs=epochs or settings.epochs, members=members or settings.members)
+    asked = replace(asked, dataset=dataset or asked.dataset)
+    changes: dict[str, Any] = {name: value for name, value in others.items() if value}
+    settings = replace(asked.settings, **changes)
     start_from = str(model_folder(asked.start_from)) if asked.start_from else ""
     return replace(asked, settings=settings, seed=asked.seed if seed is None else seed, start_from=start_from)
 
@@ -157,12 +169,10 @@ def _measured(path: Path | None, asked: Configuration, recording: Recording) -> 
     return table
 
 
-def _finished(
-    epochs: Generator[EpochReport, None, TrainedModel], settings: TrainingSettings, checkpoint: Checkpoint
-) -> TrainedModel:
+def _finished(epochs: Generator[EpochReport, None, TrainedModel], checkpoint: Checkpoint) -> TrainedModel:
     """Run the training to its end, or leave what it can go on from."""
     try:
-        return _with_progress(epochs, settings, checkpoint)
+        return _with_progress(epochs, checkpoint)
     except KeyboardInterrupt:
         with suppress(OSError):  # only a folder that was made for this is empty
             checkpoint.folder.parent.rmdir()
@@ -176,9 +186,7 @@ def _finished(
         raise SetupError(str(checkpoint.folder), problem, "delete it to begin anew") from None
 
 
-def _with_progress(
-    epochs: Generator[EpochReport, None, TrainedModel], settings: TrainingSettings, checkpoint: Checkpoint
-) -> TrainedModel:
+def _with_progress(epochs: Generator[EpochReport, None, TrainedModel], checkpoint: Checkpoint) -> TrainedModel:
     """Run the training and keep each epoch; a bar tells epoch and losses."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -186,7 +194,7 @@ def _with_progress(
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     console = Console(stderr=True)
     with Progress(*columns, console=console) as progress:
-        task = progress.add_task("training", total=settings.epochs * settings.members)
+        task = progress.add_task("training", total=None)
         while True:
             try:
                 report = next(epochs)
@@ -195,9 +203,11 @@ def _with_progress(
                 return trained
             checkpoint.write(report.member, report.snapshot)
             losses = f"prediction {report.prediction:.4f} human {report.observed:.4f} robot {report.controlled:.4f}"
+            if report.validation == report.validation:
+                losses = f"held out {report.validation:.4f} " + losses
             text = f"network {report.member + 1}/{report.members} epoch {report.epoch + 1}: {losses}"
-            done = report.member * settings.epochs + report.epoch + 1
-            progress.update(task, completed=done, description=f"{text} KL {report.divergence:.2f}")
+            done, total = report.member * report.epochs + report.epoch + 1, report.members * report.epochs
+            progress.update(task, completed=done, total=total, description=f"{text} KL {report.divergence:.2f}")
 
 
 def _write(
@@ -233,6 +243,8 @@ def _write(
         "split": "train",
         "trials": len(trials),
         "seeds": [trained.seed],
+        "epochs": trained.settings.epochs,
+        "stopped": f"levelled off, of at most {asked.settings.epochs}" if asked.settings.patience else "as configured",
         "git_revision": _revision(),
         "residual_covariance": source,
         "configuration": asked.text,

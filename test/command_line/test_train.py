@@ -84,6 +84,7 @@ def test_a_trained_folder_loads_and_carries_measured_errors(data, tmp_path, caps
     assert set(manifest.robot_from_human.by_interaction) == {"handshake", "rocket", "parachute"}
     card = (out / "REPORT.md").read_text()
     assert "0.0444 ± 0.0010" in card
+    assert "Epochs: 2 (as configured)." in card
     assert "mild train --config yumi_buetepage_ahead --seed 0" in card
     assert 'preset = "ahead"' in card
     assert run("evaluate", "--model", str(out), "--data", str(data), "--json") == 0

@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Between epochs: the networks encode all trials as recorded, and the priors are estimated anew from the latents."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from mild_core.inference.priors import PRIORS
+from mild_core.inference.priors.prior import FitSettings
+from mild_core.learning.corpus import Corpus, cut_tracks
+from mild_core.learning.objective import Objective
+from mild_core.learning.snapshot import FittedPriors
+from mild_core.learning.vae import MemberNetworks
+from mild_core.shapes import FloatArray
+
+
+def refit(
+    networks: MemberNetworks, objective: Objective, corpus: Corpus, before: FittedPriors | None
+) -> tuple[FittedPriors, float]:
+    """Encode all trials as recorded and re-estimate each interaction's prior, from the last one if there is one.
+
+    Returns:
+        The priors, and the log-likelihood of the latents under them, by step [nats].
+
+    Source: Algorithm 1 of MILD, its EM step.
+    """
+    settings = objective.settings.prior
+    latents, widening, steps = encode(networks, objective, corpus)
+    fit = FitSettings(iterations=settings.iterations, covariance_fraction=settings.covariance_fraction)
+    refitted, log_likelihood, frames = {}, 0.0, 0
+    for name, sequences in latents.items():
+        if before is None:
+            size = objective.settings.architecture.latent
+            prior = PRIORS[settings.kind].from_demonstrations(sequences, settings.components, size, fit)
+        else:
+            prior = before.by_name[name]
+        found = prior.fit(sequences, fit)
+        refitted[name] = found.prior
+        log_likelihood += found.log_likelihoods[-1]
+        frames += sum(len(z) for z in sequences)
+    return FittedPriors(refitted, widening, steps), log_likelihood / frames
+
+
+def encode(
+    networks: MemberNetworks, objective: Objective, corpus: Corpus
+) -> tuple[dict[str, list[FloatArray]], tuple[Tensor, Tensor], int]:
+    """Joint latents of all trials as recorded.
+
+    Returns:
+        By interaction, one (N, Z) of posterior means per trial and interleaved copy (at most two of these: neighbours
+        are almost equal); the mean posterior covariances of both agents; the most steps that any window can be at.
+    """
+    stride = objective.settings.stride
+    latents: dict[str, list[FloatArray]] = {name: [] for name in corpus.interactions}
+    covariances: list[tuple[Tensor, Tensor]] = []
+    networks.eval()
+    steps = 0
+    with torch.no_grad():
+        for first in sorted({0, stride // 2}):
+            batch = cut_tracks(corpus, corpus.tracks, first, stride)
+            human = networks.observe(objective.known(networks, batch))
+            robot = networks.counterpart(objective.answer.project(batch.answer))
+            joint = torch.cat([human.mean, robot.mean], dim=-1).double().numpy()
+            for label, row, valid in zip(batch.label.tolist(), joint, batch.valid, strict=True):
+                latents[corpus.interactions[label]].append(row[: int(valid.sum())])
+            recorded = batch.valid > 0
+            covariances.append((human.covariance[recorded].mean(0), robot.covariance[recorded].mean(0)))
+            steps = max(steps, batch.valid.shape[1])
+    mean = (torch.stack([pair[0] for pair in covariances]).mean(0), torch.stack([p[1] for p in covariances]).mean(0))
+    return latents, mean, steps + 1
