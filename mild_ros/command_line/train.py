@@ -237,22 +237,27 @@ def _write(
         covariance = summarise(own, recording.interactions).covariance
         assert covariance is not None  # there is at least one trial
         residual, source, errors, scale = covariance, "training trials: too small", {}, {}
-    training = {
-        "dataset": recording.name,
-        "licence": recording.licence,
-        "split": "train",
-        "trials": len(trials),
-        "seeds": [trained.seed],
-        "epochs": trained.settings.epochs,
-        "stopped": f"levelled off, of at most {asked.settings.epochs}" if asked.settings.patience else "as configured",
-        "git_revision": _revision(),
-        "residual_covariance": source,
-        "configuration": asked.text,
-    }
+    training = {**_about(trained, asked, recording, len(trials)), "residual_covariance": source}
     facts = ModelFacts(out.resolve().name, recording.robot, recording.observed_side, _placement(recording, trials))
     manifest, arrays = export(trained, trials, residual, replace(facts, training=training, errors=errors), scale)
     save_model(out, manifest, arrays, model_card(manifest, recording, command))
     typer.echo(f"written: {out} ({sum(file.stat().st_size for file in out.iterdir()) / 1e6:.1f} MB)")
+
+
+def _about(trained: TrainedModel, asked: Configuration, recording: Recording, trials: int) -> dict[str, Any]:
+    """What the manifest says of a training, for people."""
+    stopped = f"levelled off, of at most {asked.settings.epochs}" if asked.settings.patience else "as configured"
+    return {
+        "dataset": recording.name,
+        "licence": recording.licence,
+        "split": "train",
+        "trials": trials,
+        "seeds": [trained.seed],
+        "epochs": trained.settings.epochs,
+        "stopped": stopped,
+        "git_revision": _revision(),
+        "configuration": asked.text,
+    }
 
 
 def _placement(recording: Recording, trials: tuple[Demonstration, ...]) -> HumanPlacement:
