@@ -14,7 +14,7 @@ from mild_core.perception.skeletons import SOURCES
 from mild_core.retargeting.robot import RobotModel
 from mild_core.shapes import FloatArray, require_shape
 from mild_core.signals import JointMeasurement
-from mild_ros.bag_writer import create_bag
+from mild_ros.bag_writer import BagWriter, create_bag
 from mild_ros.encoding import encode, type_name_of
 from mild_ros.messages.joint_state import joint_measurement_to_msg
 from mild_ros.messages.marker_array import people_to_marker_array
@@ -27,28 +27,35 @@ NEUTRAL_S = 2.0
 
 
 def write_trial(
-    folder: Path, observed_m: FloatArray, robot: RobotModel, controlled_rad: FloatArray, rate_hz: float
+    folder: Path, observed_m: FloatArray, robot: RobotModel | None, controlled_rad: FloatArray, rate_hz: float
 ) -> None:
     """Write the bag of a trial into `folder`, which must not exist.
 
     Args:
         folder: Of the bag.
         observed_m: (T, 3, 3) shoulder, elbow, hand in the arm frame [m].
-        robot: Whose joints these are.
-        controlled_rad: (T, J) what it did, in the robot's order of joints.
+        robot: Whose joints these are; None where a second person answered, whose arm no robot can be compared with.
+        controlled_rad: (T, J) what the robot did, in its order of joints.
         rate_hz: Of both.
 
     Raises:
         BagError: The bag cannot be written.
     """
-    require_shape("controlled_rad", controlled_rad, (len(observed_m), len(robot.joint_names)))
     person = bodies(with_neutral_second(np.asarray(observed_m), rate_hz, NEUTRAL_S))
-    truth = with_neutral_second(np.asarray(controlled_rad), rate_hz, NEUTRAL_S)
+    truth = np.zeros(0)
+    if robot is not None:
+        require_shape("controlled_rad", controlled_rad, (len(observed_m), len(robot.joint_names)))
+        truth = with_neutral_second(np.asarray(controlled_rad), rate_hz, NEUTRAL_S)
     with create_bag(folder) as bag:
-        first = joint_measurement_to_msg(JointMeasurement(START_NS, robot.joint_names, robot.home_rad))
-        bag.write("/joint_states", type_name_of(first), START_NS, encode(first))
-        for frame, positions in zip(skeleton_frames(person, rate_hz, START_NS), truth, strict=True):
+        if robot is not None:
+            _write_joints(bag, "/joint_states", robot, START_NS, robot.home_rad)
+        for index, frame in enumerate(skeleton_frames(person, rate_hz, START_NS)):
             message = people_to_marker_array((frame,), SOURCES["azure_kinect"])
             bag.write("/skeleton", type_name_of(message), frame.stamp_ns, encode(message))
-            true = joint_measurement_to_msg(JointMeasurement(frame.stamp_ns, robot.joint_names, positions))
-            bag.write(f"/{TRUE_MOTION}", type_name_of(true), frame.stamp_ns, encode(true))
+            if robot is not None:
+                _write_joints(bag, f"/{TRUE_MOTION}", robot, frame.stamp_ns, truth[index])
+
+
+def _write_joints(bag: BagWriter, topic: str, robot: RobotModel, stamp_ns: int, positions_rad: FloatArray) -> None:
+    message = joint_measurement_to_msg(JointMeasurement(stamp_ns, robot.joint_names, positions_rad))
+    bag.write(topic, type_name_of(message), stamp_ns, encode(message))

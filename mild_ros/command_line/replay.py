@@ -64,6 +64,10 @@ def replay(
     is compared with what the recorded robot did.
 
         mild replay --dataset buetepage_hr --trial 8
+
+    In a trial of two people the robot answers in the place of the second one; there is nothing to compare it with:
+
+        mild replay --dataset nuisi --trial 0 --model nuisi_partner_next -p robot:=pepper
     """
     from mild_ros.command_line.results import leave, run_with_progress, tell, tell_lost
     from mild_ros.demo import RunOptions
@@ -107,7 +111,8 @@ def _write_trial(dataset: str, data: Path | None, trial: int, folder: Path) -> s
             f"trial {trial}", f"{dataset} has {len(trials)} training trials", f"give at most {len(trials) - 1}"
         )
     found = trials[trial]
-    write_trial(folder, found.observed_m, find_robot(recording.robot), found.controlled, found.rate_hz)
+    robot = find_robot(recording.robot) if recording.robot else None
+    write_trial(folder, found.observed_m, robot, found.controlled, found.rate_hz)
     return f"{dataset}, trial {trial}: {found.interaction.replace('_', ' ')}"
 
 

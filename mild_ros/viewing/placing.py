@@ -15,8 +15,8 @@ from mild_core.shapes import FloatArray
 from mild_core.signals import MotionWindow, SkeletonFrame
 from mild_ros.viewing.body import NEEDED, Places
 
-FEET_M = 0.06
-"""How far below the ankles and toes of a skeleton the floor is."""
+SOLE_M = 0.07
+"""How far below an ankle the drawn shoe ends."""
 
 SMALLEST, LARGEST = 0.7, 1.4
 """A person is not drawn smaller or larger than this for their arm to have the model's length."""
@@ -76,9 +76,25 @@ def main_interaction(motions: Sequence[MotionWindow]) -> str:
 
 
 def floor_height(frames: Sequence[Places]) -> float:
-    """Height of the floor under the person's feet [m, robot's base frame]."""
-    feet = [min(at[name][2] for name in at if name.endswith(("_ankle", "_foot"))) for at in frames]
-    return float(np.median(feet)) - FEET_M if feet else -0.8
+    """Height of the floor under the person's shoes [m, robot's base frame]."""
+    return _height(frames, "ankle") - SOLE_M
+
+
+def stood_on(frames: Sequence[Places], floor_m: float) -> tuple[Places, ...]:
+    """The same person with legs as long as it takes to stand on the floor; hands stay where they met the robot's."""
+    hips_m, ankles_m = _height(frames, "hip"), _height(frames, "ankle")
+    share = (hips_m - floor_m - SOLE_M) / max(hips_m - ankles_m, 0.1)
+
+    def stretched(name: str, place_m: FloatArray) -> FloatArray:
+        leg = name.endswith(("_knee", "_ankle", "_foot"))
+        return place_m * (1.0, 1.0, share) + (0.0, 0.0, (1.0 - share) * hips_m) if leg else place_m
+
+    return tuple({name: stretched(name, place_m) for name, place_m in at.items()} for at in frames)
+
+
+def _height(frames: Sequence[Places], joint: str) -> float:
+    """Of both sides' joints, in most frames [m]."""
+    return float(np.median([at[f"{side}_{joint}"][2] for at in frames for side in ("left", "right")]))
 
 
 def is_whole(person: SkeletonFrame) -> bool:

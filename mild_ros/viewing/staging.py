@@ -15,7 +15,14 @@ from mild_core.retargeting.robot import RobotModel
 from mild_core.shapes import FloatArray
 from mild_core.signals import MotionWindow
 from mild_ros.viewing.body import Places
-from mild_ros.viewing.placing import find_calibration, floor_height, is_whole, main_interaction, place_person
+from mild_ros.viewing.placing import (
+    find_calibration,
+    floor_height,
+    is_whole,
+    main_interaction,
+    place_person,
+    stood_on,
+)
 from mild_ros.viewing.recorded import JointTrack, RecordedRun
 
 
@@ -76,7 +83,9 @@ def stage(run: RecordedRun, perception: Perception, manifest: Manifest, robot: R
         raise BagError(str(run.path), problem, "there is nothing to show; plots need less")
     interaction = main_interaction(run.motions)
     placement = place_person(calibration, manifest, interaction)
-    bodies = tuple(placement.places(person) for person in whole)
+    placed = tuple(placement.places(person) for person in whole)
+    floor_m = floor_height(placed) if robot.floor_m is None else robot.floor_m
+    bodies = stood_on(placed, floor_m)
     stamps = np.array([person.stamp_ns for person in whole], dtype=np.int64)
     hand = np.stack([at[f"{perception.settings.side}_hand"] for at in bodies])
     track = next((t for t in (run.measured, run.commands) if t and len(t.stamps_ns) > 1), None)
@@ -89,7 +98,7 @@ def stage(run: RecordedRun, perception: Perception, manifest: Manifest, robot: R
         track=track,
         home=dict(robot.rest) | dict(zip(robot.joint_names, robot.home_rad.tolist(), strict=True)),
         gap_m=np.linalg.norm(tool - hand, axis=1),
-        floor_m=floor_height(bodies) if robot.floor_m is None else robot.floor_m,
+        floor_m=floor_m,
         interaction=interaction,
         motions=run.motions,
         start_ns=run.start_ns,

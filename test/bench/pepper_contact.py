@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pepper and a person shake hands: `python -m test.bench.pepper_contact docs/pictures/pepper_handshake.png`.
 
+A name that ends in `.html` makes a page of it, to turn around and play in any browser, offline.
+
 The learned motion is that of a partner who offers a hand as people do; the person's hand is 7.5 cm beside it, and
 inverse kinematics brings the two together. Whole bodies, face to face: at rest, on the way, and where hands meet.
 """
@@ -8,6 +10,8 @@ inverse kinematics brings the two together. Whole bodies, face to face: at rest,
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 from PIL import Image
@@ -15,9 +19,14 @@ from PIL import Image
 from mild_core.retargeting.chain import chain_of
 from mild_core.retargeting.robots.pepper import FLOOR_M, PEPPER
 from mild_core.shapes import FloatArray
+from mild_core.signals import JointCommand, MotionWindow
 from mild_ros.simulation.person import BODY_JOINTS, SHOULDER_HEIGHT_M, bodies
 from mild_ros.viewing.body import Places, body_parts
+from mild_ros.viewing.page import FRAMES_PER_SECOND, write_page
+from mild_ros.viewing.placing import stood_on
+from mild_ros.viewing.recorded import JointTrack
 from mild_ros.viewing.renderer import View, open_renderer
+from mild_ros.viewing.staging import Staged
 from test.core.retargeting.offering import RAISING_S, Offer, answered, learned_hand
 from test.core.retargeting.perfect import START_NS
 
@@ -46,23 +55,52 @@ def _body(bones: FloatArray) -> FloatArray:
     return body
 
 
-def main() -> int:
-    """Draw it."""
-    offer = Offer(PEPPER, learned_hand(PEPPER) + BESIDE_M)
-    commands, _ = answered(offer)
-    people = [person(offer, offer.raised(moment)) for moment in MOMENTS_S]
+def staged(offer: Offer, commands: Sequence[JointCommand]) -> Staged:
+    """The whole of it, ready to be shown."""
+    times_s = np.arange(0.0, offer.duration_s, 1.0 / FRAMES_PER_SECOND)
+    stamps = np.array([command.stamp_ns for command in commands])
+    positions = np.array([command.positions_rad for command in commands])
+    people = stood_on([person(offer, offer.raised(moment)) for moment in times_s], FLOOR_M)
+    track = JointTrack(PEPPER.joint_names, stamps, stamps, positions, np.zeros_like(positions))
+    tool = chain_of(PEPPER).tool
+    reached = np.array([tool(angles) for angles in track.at(START_NS + np.round(times_s * 1e9).astype(np.int64))])
+    hand = np.array([at["right_hand"] for at in people])
+    return Staged(
+        times_s=times_s,
+        bodies=people,
+        hand_m=hand,
+        track=track,
+        home=dict(PEPPER.rest),
+        gap_m=np.linalg.norm(reached - hand, axis=1),
+        floor_m=FLOOR_M,
+        interaction="handshake",
+        motions=tuple(given for _, given in offer.inputs() if isinstance(given, MotionWindow)),
+        start_ns=START_NS,
+    )
+
+
+def draw(shown: Staged, path: Path) -> None:
+    """Three moments beside each other."""
     view = View((0.45, 0.0, 0.0), 4.2, 194.0, 9.0, 26.0)
     pictures = []
     with open_renderer(PEPPER, FLOOR_M) as renderer:
-        renderer.add_person(body_parts(people))
-        for moment, places in zip(MOMENTS_S, people, strict=True):
-            command = next(each for each in commands if each.stamp_ns >= START_NS + round(moment * 1e9))
-            joints = dict(PEPPER.rest) | dict(zip(PEPPER.joint_names, command.positions_rad.tolist(), strict=True))
-            renderer.place(joints, places)
+        renderer.add_person(body_parts(shown.bodies))
+        for moment in MOMENTS_S:
+            frame = shown.frame_at(moment)
+            renderer.place(shown.joints_at(moment), shown.bodies[frame])
             pictures.append(np.asarray(renderer.picture(view, *PANEL)))
-            apart = np.linalg.norm(chain_of(PEPPER).tool(command.positions_rad) - places["right_hand"])
-            print(f"{moment:.1f} s: hands {100 * apart:.1f} cm apart")
-    Image.fromarray(np.concatenate(pictures, axis=1)).save(sys.argv[1])
+            print(f"{moment:.1f} s: hands {100 * shown.gap_m[frame]:.1f} cm apart")
+    Image.fromarray(np.concatenate(pictures, axis=1)).save(path)
+
+
+def main() -> int:
+    """Draw it, or make a page of it."""
+    offer, path = Offer(PEPPER, learned_hand(PEPPER) + BESIDE_M), Path(sys.argv[1])
+    shown = staged(offer, answered(offer)[0])
+    if path.suffix == ".html":
+        write_page(shown, PEPPER, path, "Pepper and a person shake hands")
+    else:
+        draw(shown, path)
     return 0
 
 

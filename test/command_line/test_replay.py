@@ -5,12 +5,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from mild_core.errors import SetupError
+from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.robots.yumi import YUMI
+from mild_ros.bags import open_bag
 from mild_ros.command_line.main import main
 from mild_ros.parameter_files import changed, read_parameters
 from mild_ros.settings import PipelineParameters
+from mild_ros.trial_bag import NEUTRAL_S, write_trial
 
 OF_TWO_NODES = """
 /**:
@@ -65,3 +70,16 @@ def test_what_needs_real_time_is_refused_without(
     with pytest.raises(SystemExit, match="2"):
         main(["replay", str(tmp_path / "bag"), "--out", str(tmp_path / "out"), *words])
     assert capsys.readouterr().err.startswith(f"mild: {words[0]}: needs nodes in real time")
+
+
+@pytest.mark.parametrize("robot", [YUMI, None])
+def test_a_trial_becomes_a_bag_of_a_person_and_of_the_robot_if_one_answered(
+    tmp_path: Path, robot: RobotModel | None
+) -> None:
+    arm_m = np.tile([[0.0, 0.0, 0.0], [0.0, 0.0, -0.3], [0.0, 0.0, -0.55]], (20, 1, 1))
+    answer = np.zeros((20, 3, 3)) if robot is None else np.tile(robot.home_rad, (20, 1))
+    write_trial(tmp_path / "bag", arm_m, robot, answer, 20.0)
+    with open_bag(tmp_path / "bag") as bag:
+        counts = {topic: summary.count for topic, summary in bag.topics.items()}
+    people = {"/skeleton": 20 + round(NEUTRAL_S * 20.0)}
+    assert counts == people | ({"/joint_states": 1, "/true_motion": people["/skeleton"]} if robot else {})

@@ -25,6 +25,7 @@ from mild_ros.simulation.person import (
     skeleton_frames,
     with_neutral_second,
 )
+from mild_ros.viewing.placing import floor_height, stood_on
 from test.core.perception.scene import at_rate, swing
 
 AZURE = SOURCES["azure_kinect"]
@@ -137,3 +138,14 @@ def test_a_camera_sees_with_x_right_y_down_z_away() -> None:
 def test_an_arm_that_hangs_straight_or_has_no_direction_stays_finite() -> None:
     straight = np.array([[[0.0, 0.0, 0.0], [0.0, 0.0, -0.18], [0.0, 0.0, -0.414]], np.zeros((3, 3))])
     assert np.isfinite(bodies(straight)).all()
+
+
+def test_who_is_drawn_beside_a_robot_on_the_floor_stands_on_it_too() -> None:
+    frames = [dict(zip(BODY_JOINTS, body, strict=True)) for body in bodies(swing(at_rate(RATE_HZ, 1.0)))]
+    floor_m = floor_height(frames)
+    for lower_m in (0.0, 0.15):
+        stood = stood_on(frames, floor_m - lower_m)
+        assert floor_height(stood) == pytest.approx(floor_m - lower_m, abs=1e-9)
+        for before, after in zip(frames, stood, strict=True):
+            np.testing.assert_array_equal(after["right_hand"], before["right_hand"])
+            assert after["left_hip"][2] > after["left_knee"][2] > after["left_ankle"][2]
