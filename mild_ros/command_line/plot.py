@@ -168,7 +168,8 @@ def table(
 ) -> None:
     """Errors by interaction and method as the paper's Tables II and III, in LaTeX (booktabs) or Markdown.
 
-    Table I is not among them: the two people of its motion capture are no longer published.
+    Table I is of two people in motion capture suits whose recordings are no longer published. Whoever has their folder
+    `hh` makes it too: `mild evaluate --cv --dataset buetepage_hh --data hh --protocol same`.
 
         mild plot table out/cross_validation_nuisi_v1_same.json --out table_3.tex
     """

@@ -6,6 +6,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from mild_core.errors import unknown_name
+from mild_core.learning.datasets.buetepage_hh import BUETEPAGE_HH
 from mild_core.learning.datasets.buetepage_hr import BUETEPAGE_HR
 from mild_core.learning.datasets.nuisi import NUISI
 from mild_core.learning.datasets.nuisi_v1 import NUISI_V1
@@ -14,7 +15,7 @@ from mild_core.learning.recording import Recording
 from mild_core.learning.trials import recording_of
 
 DATASETS: dict[str, Recording] = {
-    recording.name: recording for recording in (BUETEPAGE_HR, NUISI, PEPPER_NUISI, NUISI_V1)
+    recording.name: recording for recording in (BUETEPAGE_HR, BUETEPAGE_HH, NUISI, PEPPER_NUISI, NUISI_V1)
 }
 
 
@@ -23,12 +24,12 @@ def recording_named(name: str, data: Path | None = None) -> Recording:
 
     Args:
         name: In `DATASETS`, or the path of a folder that `mild demonstrations` wrote.
-        data: What the user gave as its file; a folder of trials wins over any name.
+        data: What the user gave as its file or folder; a folder of trials wins over any name.
 
     Raises:
         SetupError: There is none.
     """
-    if data is not None and data.is_dir():
+    if data is not None and data.is_dir() and name != BUETEPAGE_HH.name:
         return recording_of(data)
     if name in DATASETS:
         return DATASETS[name]

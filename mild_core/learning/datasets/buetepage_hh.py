@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Two people in motion capture suits: the first table of the MILD paper (Bütepage et al. 2020)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mild_core.errors import DatasetError
+from mild_core.learning.archive import REMEDY, numbers
+from mild_core.learning.datasets.traj_data import from_the_shoulder
+from mild_core.learning.demonstration import Demonstration
+from mild_core.learning.recording import Demonstrations, Recording
+from mild_core.learning.windows import protocols
+from mild_core.shapes import FloatArray
+
+JOINTS = (
+    *("Root", "Hips", "LeftThigh", "LeftShin", "LeftFoot", "LeftToe", "LeftToeTip"),
+    *("RightThigh", "RightShin", "RightFoot", "RightToe", "RightToeTip", "Spine1", "Spine2", "Spine3", "Spine4"),
+    *("LeftShoulder", "LeftArm", "LeftForeArm", "LeftHand", "Neck", "Head"),
+    *("RightShoulder", "RightArm", "RightForeArm", "RightHand"),
+)
+"""In the order of their columns; each is named after the bone that begins there."""
+
+ARM = ("RightArm", "RightForeArm", "RightHand")
+
+FILES = {"hand_wave": "hand_wave", "handshake": "hand_shake", "rocket": "rocket", "parachute": "parachute"}
+"""What the publishers' files of an interaction begin with."""
+
+TAKES = (1, 2)
+LEARNED = 0.8
+"""Share of an interaction's trials, the first, that are for training."""
+
+STILL_M = 1e-3
+"""A frame moves when its joints go farther than this on average."""
+
+LARGEST_HEADER = 100_000
+
+
+def read(path: Path) -> Demonstrations:
+    """Read the publishers' folder `hh`: `p1/hand_wave_s1_1.csv`, `p2/hand_wave_s2_1.csv` and so on, two takes each.
+
+    The first line of a file names its columns. Positions [m] are those whose last but two letter is P, three for each
+    of `JOINTS`; x points right, y up and z ahead, in a left-handed frame. A row is a frame, 40 a second.
+    `segmentation/hand_wave_1.npy` holds the first frame of each trial and the one after its last. The right arms are
+    taken, each from its own shoulder in the trial's first frame. Frames after the last that moves are marked as not
+    active, as the publishers do.
+
+    Args:
+        path: The folder.
+
+    Returns:
+        Of each interaction the first four fifths as training trials, the others as test trials.
+
+    Raises:
+        DatasetError: A file is missing or malformed; names it, and the trial.
+
+    Source: github.com/jbutepage/human_robot_interaction_data, `read_hh_hr_data.py`; axes and splits as in
+    github.com/souljaboy764/phd_utils, `data_raw/buetepage_preproc.py`.
+    """
+    train: list[Demonstration] = []
+    test: list[Demonstration] = []
+    for interaction, begin in FILES.items():
+        trials = []
+        for take in TAKES:
+            files = [path / f"p{person}" / f"{begin}_s{person}_{take}.csv" for person in (1, 2)]
+            arms = [_arm(file) for file in files]
+            for number, (first, after) in enumerate(_segments(path / "segmentation" / f"{begin}_{take}.npy")):
+                thing = f"trial {number} of '{files[0]}'"
+                if not 0 <= first < after <= min(map(len, arms)):
+                    problem = f"is from frame {first} to {after}, of {' and '.join(str(len(arm)) for arm in arms)}"
+                    raise DatasetError(thing, problem, REMEDY)
+                trials.append((interaction, [numbers(thing, "motion", arm[first:after], 9) for arm in arms]))
+        learned = int(LEARNED * len(trials))
+        train += [_trial(len(train) + i, *trial) for i, trial in enumerate(trials[:learned])]
+        test += [_trial(len(test) + i, *trial) for i, trial in enumerate(trials[learned:])]
+    return Demonstrations(tuple(train), tuple(test))
+
+
+def _trial(index: int, interaction: str, arms: list[FloatArray]) -> Demonstration:
+    observed, controlled = (from_the_shoulder(arm) for arm in arms)
+    moving = np.linalg.norm(np.diff(observed, axis=0), axis=2).mean(axis=1) > STILL_M
+    last = int(np.flatnonzero(moving)[-1]) if moving.any() else len(observed)
+    return Demonstration(
+        trial=index,
+        interaction=interaction,
+        rate_hz=BUETEPAGE_HH.rate_hz,
+        observed_names=BUETEPAGE_HH.observed_names,
+        observed_m=observed,
+        controlled_names=BUETEPAGE_HH.controlled_names,
+        controlled=controlled,
+        active=(np.arange(len(observed)) < last).astype(float),
+    )
+
+
+def _arm(path: Path) -> FloatArray:
+    """(T, 9) the right arm of one file: shoulder, elbow, hand; x forward, y left, z up [m]."""
+    thing = f"recording '{path}'"
+    try:
+        with path.open(encoding="utf-8") as file:
+            names = file.readline(LARGEST_HEADER).strip().split(",")
+            places = [place for place, name in enumerate(names) if name[-3:-2] == "P"]
+            if len(places) != 3 * len(JOINTS):
+                problem = f"names {len(places)} columns of positions, expected {3 * len(JOINTS)}"
+                raise DatasetError(thing, problem, REMEDY)
+            columns = [places[3 * JOINTS.index(joint) + axis] for joint in ARM for axis in range(3)]
+            rows = np.loadtxt(file, delimiter=",", usecols=columns, ndmin=2)
+    except (OSError, ValueError) as error:
+        remedy = "give the publishers' folder 'hh', with p1, p2 and segmentation in it"
+        raise DatasetError(thing, f"cannot be read ({error})", remedy) from None
+    published: FloatArray = rows.reshape(-1, 3, 3)
+    turned: FloatArray = published[:, :, [2, 0, 1]] * [1.0, -1.0, 1.0]
+    return turned.reshape(-1, 9)
+
+
+def _segments(path: Path) -> NDArray[np.int64]:
+    """(N, 2) first frame of each trial, and the one after its last."""
+    thing = f"segmentation '{path}'"
+    try:
+        found = np.load(path, allow_pickle=False)
+    except (OSError, ValueError, EOFError) as error:
+        raise DatasetError(thing, f"cannot be read ({error})", REMEDY) from None
+    if not isinstance(found, np.ndarray) or found.dtype.kind not in "iu" or found.ndim != 2 or found.shape[1] != 2:
+        raise DatasetError(thing, "holds no pairs of frame numbers", REMEDY)
+    return found.astype(np.int64)
+
+
+BUETEPAGE_HH = Recording(
+    name="buetepage_hh",
+    title="Bütepage et al.: two people",
+    file="buetepage_hh",
+    rate_hz=40.0,
+    interactions=tuple(FILES),
+    touching=(),
+    observed_names=("shoulder", "elbow", "hand"),
+    observed_side="right",
+    robot="",
+    controlled_names=("shoulder", "elbow", "hand"),
+    licence="none is stated; the recordings are no longer published",
+    source="J. Bütepage, A. Ghadirzadeh, Ö. Öztimur Karadağ, M. Björkman, D. Kragic: Imitating by Generating, "
+    "Frontiers in Robotics and AI 2020 (github.com/jbutepage/human_robot_interaction_data, folder hh)",
+    read=read,
+    protocols=protocols(window=40, keep_every=5),
+)
