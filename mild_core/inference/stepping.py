@@ -131,9 +131,7 @@ def lay_out(features: FloatArray, past: FloatArray, label: FloatArray, places: I
         for d in range(features.shape[1]):
             finite = finite and np.isfinite(features[row, d])
             board[places[WINDOW] + row * features.shape[1] + d] = features[row, d]
-    for t in range(past.shape[0]):
-        for n in range(past.shape[1]):
-            board[places[PAST] + t * past.shape[1] + n] = past[t, n]
+    board[places[PAST] : places[PAST] + past.size] = past.ravel()
     for p in range(label.shape[0]):
         board[places[LABEL] + p] = label[p]
     return board, finite
