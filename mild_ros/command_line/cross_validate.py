@@ -133,6 +133,7 @@ def _leave(table: Mapping[str, Any], rows: Sequence[Row], unit: Unit, out: Path,
     """Write the files of one protocol's table, and print it unless JSON will be."""
     from mild_ros.viewing.figures.comparison import draw_comparison
     from mild_ros.viewing.figures.reliability import draw_reliability
+    from mild_ros.viewing.figures.style import counted
 
     cells = run_time_cells(table["run_time"], {row.method: row.title for row in rows})
     out.mkdir(parents=True, exist_ok=True)
@@ -145,7 +146,9 @@ def _leave(table: Mapping[str, Any], rows: Sequence[Row], unit: Unit, out: Path,
         title = f"{about}, {method}: regions of the published covariance"
         draw_reliability(found, out / f"{stem.name}_{method}_reliability.png", title)
     if not as_json:
-        print_comparison(f"{about}: {FOLDS} folds over the training trials, {table['seeds']} seeds", rows, unit)
+        print_comparison(
+            f"{about}: {FOLDS} folds over the training trials, {counted(table['seeds'], 'seed')}", rows, unit
+        )
         print_cells("at run time", cells, 1)
         Console().print(f"written to {stem}.json, .md and .png", highlight=False, soft_wrap=True)
 

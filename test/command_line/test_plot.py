@@ -103,7 +103,7 @@ def measured(path: Path) -> Path:
         **{"macro": {"interval": [0.035, 0.047]}, "interactions": {"hand_wave": interaction}},
     }
     bar = {**row, "method": "kernel_ridge", "title": "kernel ridge", "macro_mean": 0.051, "macro_std": None}
-    about = {"dataset": "nuisi_v1", "protocol": "same", "folds": 4, "seeds": 3, "date": "2025-01-02", "unit": "m^2"}
+    about = {"dataset": "nuisi_v1", "protocol": "same", "folds": 4, "seeds": 1, "date": "2025-01-02", "unit": "m^2"}
     path.write_text(json.dumps({**about, "methods": [row, bar]}))
     return path
 
@@ -112,7 +112,15 @@ def test_a_measured_table_becomes_latex_markdown_and_a_figure(tmp_path, capsys):
     source = measured(tmp_path / "cv.json")
     for ending, wanted in (
         (".tex", (r"\toprule", r"hand wave & 0.0400 $\pm$ 0.0500", r"nuisi\_v1", r"[m$^2$]", "0.0510")),
-        (".md", ("| hand wave | 0.0400 ± 0.0500 |", "| all (± over seeds) | 0.0412 ± 0.0011 | 0.0510 |", "[m²]")),
+        (
+            ".md",
+            (
+                "| hand wave | 0.0400 ± 0.0500 |",
+                "| all (± over seeds) | 0.0412 ± 0.0011 | 0.0510 |",
+                "[m²]",
+                " 1 seed, ",
+            ),
+        ),
     ):
         out = tmp_path / f"table{ending}"
         assert run("plot", "table", str(source), "--out", str(out)) == 0

@@ -10,7 +10,7 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from mild_ros.viewing.figures.style import BLUE, GREY, INK, PAGE_IN, VERMILION, figure, rule, spoken
+from mild_ros.viewing.figures.style import BLUE, GREY, INK, PAGE_IN, VERMILION, counted, figure, rule, spoken
 
 OURS, BAR = "mild", "kernel_ridge"
 UNITS = {"rad^2": "rad²", "m^2": "m²"}
@@ -25,7 +25,8 @@ def draw_comparison(table: Mapping[str, Any], path: Path) -> None:
     """
     rows = list(reversed(table["methods"]))
     names = list(rows[0]["interactions"])
-    title = f"{table['dataset']}, protocol {table['protocol']}: {table['folds']} folds, {table['seeds']} seeds"
+    title = f"{table['dataset']}, protocol {table['protocol']}: {table['folds']} folds, "
+    title += counted(table["seeds"], "seed")
     with figure(PAGE_IN, 0.75 + 0.19 * len(rows), path, title) as made:
         panels = made.subplots(1, 1 + len(names), sharey=True, width_ratios=(2.6, *[1.0] * len(names)))
         for axes, name in zip(panels, ("", *names), strict=True):
@@ -40,13 +41,19 @@ def draw_comparison(table: Mapping[str, Any], path: Path) -> None:
             axes.set_title(spoken(name) or f"mean over interactions [{UNITS[table['unit']]}]")
             axes.tick_params(axis="y", length=0)
             _mark_bar(axes, rows, name)
-        panels[0].set_yticks(range(len(rows)), [f"{row['title']}, {LABELS[row['labels']]}" for row in rows])
+        panels[0].set_yticks(range(len(rows)), [_name(row) for row in rows])
         for label, row in zip(panels[0].get_yticklabels(), rows, strict=True):
             label.set_fontweight("bold" if row["method"] == OURS else "normal")
 
 
 LABELS = {"given": "told", "recognised": "recognising", "unknown": "not told"}
 """What a method knows of the interaction."""
+
+
+def _name(row: Mapping[str, Any]) -> str:
+    """Of a row; a title may already say what the method knows."""
+    known = f", {LABELS[row['labels']]}"
+    return str(row["title"]).removesuffix(known) + known
 
 
 def _interval(axes: Axes, row: Mapping[str, Any], name: str, place: int, colour: str) -> None:

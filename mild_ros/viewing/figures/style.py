@@ -63,6 +63,11 @@ def figure(width_in: float, height_in: float, path: Path, title: str = "") -> It
         made.savefig(path)
 
 
+def counted(number: int, noun: str) -> str:
+    """One seed, or three seeds."""
+    return f"{number} {noun}" + "s" * (number != 1)
+
+
 def spoken(name: str) -> str:
     """A name of the code as people write it: `hand_wave` is "hand wave"."""
     return name.replace("_", " ")

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from mild_ros.viewing.figures.style import spoken
+from mild_ros.viewing.figures.style import counted, spoken
 
 PLUS_MINUS = r"$\pm$"
 UNITS = {"rad^2": ("rad²", r"rad$^2$"), "m^2": ("m²", r"m$^2$")}
@@ -33,7 +33,7 @@ def _error(mean: float | None, spread: float | None) -> str:
 def _caption(table: Mapping[str, Any]) -> str:
     return (
         f"{table['dataset']}, protocol {table['protocol']}: mean squared error ± deviation over windows, "
-        f"{table['folds']} folds over the training trials, {table['seeds']} seeds, {table['date']}"
+        f"{table['folds']} folds over the training trials, {counted(table['seeds'], 'seed')}, {table['date']}"
     )
 
 
