@@ -132,8 +132,7 @@ def lay_out(features: FloatArray, past: FloatArray, label: FloatArray, places: I
             finite = finite and np.isfinite(features[row, d])
             board[places[WINDOW] + row * features.shape[1] + d] = features[row, d]
     board[places[PAST] : places[PAST] + past.size] = past.ravel()
-    for p in range(label.shape[0]):
-        board[places[LABEL] + p] = label[p]
+    board[places[LABEL] : places[LABEL] + label.size] = label
     return board, finite
 
 

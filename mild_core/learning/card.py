@@ -19,6 +19,8 @@ LIMITS = """\
   keeps the robot from touching a person. Position, velocity, acceleration and jerk limits are kept by retargeting.{own}
 - Not for a robot near people without the protections that its operator is bound to by law and by the robot's maker.
 """
+BESIDE = """ \
+Beside them answers a radial-basis-function network, which also sees where the arm has been in the last seconds."""
 BRANCH = """
 - Angles are scored and given in one branch: the fifth joint of hand waving is unwrapped by a turn (same pose)."""
 """Of the one recording in which that is so."""
@@ -40,7 +42,7 @@ def model_card(manifest: Manifest, recording: Recording, retrain: str) -> str:
         f"{_sentence(protocol.meaning)} Windows of {manifest.window} frames at {manifest.rate_hz:g} Hz; protocol "
         f"`{manifest.protocol}`. Variational autoencoders of person and robot ({manifest.latent_size} dimensions each) "
         f"with a {manifest.prior.kind.upper()} of {manifest.prior.components} components per interaction between them; "
-        f"members whose answers are averaged: {len(manifest.members)}.\n",
+        f"members whose answers are averaged: {len(manifest.members)}.{BESIDE if manifest.past_s else ''}\n",
         "## Intended use\n",
         f"{_moves(manifest)} in answer to a person's {manifest.observed.side} arm "
         f"({', '.join(manifest.observed.joint_names)}), in research and teaching, through this package's retargeting. "
@@ -48,7 +50,7 @@ def model_card(manifest: Manifest, recording: Recording, retrain: str) -> str:
         "## Data\n",
         f"{recording.title}: {recording.source}.\n",
         f"Licence: {recording.licence}. The recordings are not part of this package, and this folder stores none of "
-        "their windows: networks, Gaussians and a synthetic sample only.\n",
+        "their windows: networks, Gaussians, means of clusters and a synthetic sample only.\n",
         f"Trials: {training.get('trials', 'unknown')}, {whose} {training.get('split', 'training')} split only. "
         f"Seeds: {_listed(training.get('seeds', ()))}. {_epochs(training)}"
         f"Source revision: {training.get('git_revision', 'unknown')}.\n",
