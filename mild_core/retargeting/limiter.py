@@ -69,6 +69,15 @@ class JointMotion:
         )
         return JointMotion(*(tuple(a + share * (b - a) for a, b in zip(*pair, strict=True)) for pair in pairs))
 
+    def with_joint(self, joint: int, other: JointMotion) -> JointMotion:
+        """This motion, one joint of which moves as in another."""
+        pairs = (
+            (self.position_rad, other.position_rad),
+            (self.velocity_rad_s, other.velocity_rad_s),
+            (self.acceleration_rad_s2, other.acceleration_rad_s2),
+        )
+        return JointMotion(*((*mine[:joint], theirs[joint], *mine[joint + 1 :]) for mine, theirs in pairs))
+
     @property
     def resting(self) -> bool:
         """Whether no joint moves."""

@@ -182,18 +182,22 @@ class Retargeting:
             return state, wanted
         taken, refusal, near_m = self._harmless(motion, wanted, body, elapsed_s)
         state = replace(state, near_m=near_m)
-        if refusal:
-            # Held back for good a robot sets off anew, and does not hurry after what went on without it.
-            pursuit = state.pursuit if refusal in (SLOWED, TOO_FAST) else None
-            state = replace(state, pursuit=pursuit).counted(refusal)
-        return state, taken
+        if not refusal:
+            return state, taken
+        if state.pursuit is not None and refusal not in (SLOWED, TOO_FAST):
+            # Held back for good a joint sets off anew, and does not hurry after what went on without it.
+            free = [a == b for a, b in zip(taken.position_rad, wanted.position_rad, strict=True)]
+            pursuit = state.pursuit.held(self._limiter.resting_place(taken), free) if any(free) else None
+            state = replace(state, pursuit=pursuit)
+        return state.counted(refusal), taken
 
     def _harmless(
         self, motion: JointMotion, wanted: JointMotion, body: Body, elapsed_s: float
     ) -> tuple[JointMotion, str, float]:
         """As much of a step as is harmless, from none, which is a stop; why not all of it; and how near [m] it is.
 
-        Between two motions that keep the limits all others keep them too.
+        A joint that does no harm without the others goes on: an arm that would meet the robot slides along it. Between
+        two motions that keep the limits all others keep them, also with joints of the one in the other.
         """
         refusal, near_m = self._guard.judged(motion, self._limiter.stop_path(wanted), body)
         if not refusal:
@@ -207,6 +211,10 @@ class Retargeting:
                 most = share
             else:
                 least, taken = share, tried
+        for joint in range(len(self._home)) if refusal != TOO_FAST else ():
+            tried = taken.with_joint(joint, wanted)
+            if not self._guard.judged(motion, self._limiter.stop_path(tried), body)[0]:
+                taken = tried
         return taken, SLOWED if least > 0.0 else refusal, near_m
 
     def _target(

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -128,3 +129,9 @@ class Pursuit:
     def at(self, target_rad: FloatArray, aimed_rad: FloatArray) -> Pursuit:
         """With the target that was taken."""
         return replace(self, target_rad=tuple(target_rad.tolist()), behind_rad=tuple((target_rad - aimed_rad).tolist()))
+
+    def held(self, at_rad: Joints, free: Sequence[bool]) -> Pursuit:
+        """Of an arm whose joints were held back at `at_rad`, but for the free ones: those set off from there again."""
+        each = zip(free, self.target_rad, self.behind_rad, at_rad, strict=True)
+        kept = [(to, behind) if goes else (at, at - to + behind) for goes, to, behind, at in each]
+        return replace(self, target_rad=tuple(to for to, _ in kept), behind_rad=tuple(behind for _, behind in kept))

@@ -174,6 +174,7 @@ def test_the_robot_keeps_out_of_the_head_and_is_slow_near_the_person() -> None:
 def test_a_motion_into_the_robots_own_body_is_refused_and_one_out_of_it_taken() -> None:
     inside = np.array(YUMI.home_rad)
     inside[1], inside[2] = -2.2, -2.46  # the upper arm folds back until the forearm meets the trunk
+    inside[4] += 0.5  # the forearm's own turn does no harm
     guard = Guard(YUMI, RetargetingSettings())
     clear = [
         guard.seen([JointMotion.at_rest(tuple(YUMI.home_rad + s * (inside - YUMI.home_rad)))], NOBODY)[0, 0]
@@ -185,5 +186,7 @@ def test_a_motion_into_the_robots_own_body_is_refused_and_one_out_of_it_taken() 
     seen = guard.seen([JointMotion.at_rest(tuple(command.positions_rad)) for command in run.commands], NOBODY)
     assert seen[:, 0].min() > -0.005
     assert run.state.counts["refused_self_collision"] > 0
+    assert abs(run.last.positions_rad[4] - inside[4]) < 1e-2, "a joint that does no harm goes on"
+    check_limits(YUMI, run.commands)
     run.wait(3.0, YUMI.home_rad)
     np.testing.assert_allclose(run.last.positions_rad, YUMI.home_rad, atol=1e-3)
