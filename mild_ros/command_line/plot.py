@@ -122,11 +122,11 @@ def filmstrip(
 
         mild plot filmstrip out/handshake/recorded --out handshake.pdf
 
-    A rocket with Pepper, whose arm follows a partner's:
+    A rocket with Pepper, by the model of its own joints:
 
-        mild replay bags/rocket --robot pepper --model nuisi_partner_same --out out/pepper
+        mild replay bags/rocket -p robot:=pepper --model pepper_nuisi_next --interaction rocket --out out/pepper
 
-        mild plot filmstrip out/pepper/recorded --robot pepper --model nuisi_partner_same
+        mild plot filmstrip out/pepper/recorded --robot pepper --model pepper_nuisi_next
     """
     from mild_core.retargeting.robot_file import find_robot
     from mild_ros.assembly.perception import make_perception, manifest_of, skeleton_source
