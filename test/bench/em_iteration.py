@@ -2,13 +2,14 @@
 """How much processor time learning takes, beside the same in plain torch loops: `python -m test.bench.em_iteration`.
 
 One iteration of expectation maximisation at METHOD's size: 38 demonstrations of 600 frames, a 10-D latent, 10
-components, durations up to 100 frames. With `--training` also a whole model of one seed, as it is shipped, which takes
-minutes.
+components, durations up to 100 frames. With `--epoch` also an epoch of one network of the live model; with `--training`
+that whole model, all networks of one seed, from all trials.
 """
 
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from time import process_time
 
 import numpy as np
@@ -17,6 +18,12 @@ import torch
 from mild_core.inference.priors import HSMM
 from mild_core.inference.priors.demonstrations import latent_frames, log_emissions
 from mild_core.inference.priors.prior import FitSettings
+from mild_core.learning.configuration import Configuration, read_configuration
+from mild_core.learning.datasets import recording_named
+from mild_core.learning.demonstration import Demonstration
+from mild_core.learning.learned_model import learn
+from mild_core.learning.training import train
+from mild_core.learning.windows import Protocol
 
 DEMONSTRATIONS, FRAMES, LATENT, COMPONENTS, LONGEST = 38, 600, 10, 10, 100
 LOOPED = 2
@@ -98,18 +105,31 @@ def _expect(
     return total
 
 
-def measure_training() -> float:
-    """Seconds of processor time that a model as shipped takes, all members, from all trials of the YuMi recording."""
-    from mild_core.learning.configuration import read_configuration
-    from mild_core.learning.datasets import recording_named
-    from mild_core.learning.learned_model import learn
-
+def live_model() -> tuple[tuple[Demonstration, ...], Protocol, Configuration]:
+    """All trials of the YuMi recording, and how the model that moves it live is trained."""
     torch.set_num_threads(1)
     asked = read_configuration("yumi_buetepage_ahead")
     recording = recording_named(asked.dataset)
-    trials = recording.read(recording.default_path()).train
+    return recording.read(recording.default_path()).train, recording.protocols[asked.protocol], asked
+
+
+def measure_epochs(count: int = 8) -> np.ndarray:
+    """Seconds of each epoch of a network, after a first one that compiles; every other estimates the priors anew."""
+    trials, protocol, asked = live_model()
+    epochs, seconds = train(trials, protocol, replace(asked.settings, members=1), asked.seed), []
+    next(epochs)
+    for _ in range(count):
+        start = process_time()
+        next(epochs)
+        seconds.append(process_time() - start)
+    return np.array(seconds)
+
+
+def measure_training() -> float:
+    """Seconds of processor time that the model takes as it is shipped."""
+    trials, protocol, asked = live_model()
     start = process_time()
-    learn(trials, recording.protocols[asked.protocol], asked.settings, asked.seed)
+    learn(trials, protocol, asked.settings, asked.seed)
     return process_time() - start
 
 
@@ -120,5 +140,8 @@ if __name__ == "__main__":
     print(f"one EM iteration: median {np.median(times):.1f} ms, best {times.min():.1f} ms of {len(times)}")
     milliseconds, apart = looped(demonstrations, hsmm)
     print(f"its expectation alone in torch loops: {milliseconds:.0f} ms; log-likelihoods {apart:.1e} apart per frame")
+    if "--epoch" in sys.argv:
+        times = 1e3 * measure_epochs()
+        print(f"one epoch of a network: median {np.median(times):.0f} ms, best {times.min():.0f} ms of {len(times)}")
     if "--training" in sys.argv:
         print(f"a whole model: {measure_training():.0f} s")
