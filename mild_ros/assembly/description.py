@@ -8,8 +8,10 @@ against collisions of the robot with itself, which wants primitive shapes, our o
 
 from __future__ import annotations
 
-import atexit
 import copy
+import hashlib
+import os
+import stat
 import tempfile
 from collections.abc import Iterator
 from contextlib import suppress
@@ -17,6 +19,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree
 
+from mild_core.errors import SetupError
 from mild_core.retargeting.kinematics import read_tree
 from mild_core.retargeting.robot import RobotModel
 
@@ -49,7 +52,7 @@ class _Meshes:
 def prepared(path: Path, robot: RobotModel) -> Prepared:
     """The description at `path`, which `read_tree` has read before, for a robot with its own description.
 
-    What has to be changed is changed in a copy, which is gone when this program ends.
+    What has to be changed is changed in a copy.
     """
     root, own = ElementTree.parse(path).getroot(), ElementTree.parse(robot.urdf_path).getroot()
     ours = {} if path == robot.urdf_path else {link.get("name", ""): link for link in own.findall("link")}
@@ -73,13 +76,20 @@ def prepared(path: Path, robot: RobotModel) -> Prepared:
 
 
 def temporary(text: str) -> Path:
-    """A file that holds a description until this program ends."""
-    # A name that nobody can foretell: whoever knew it could have put a link to another file in its place.
-    with tempfile.NamedTemporaryFile("w", prefix="mild_ros-", suffix=".urdf", delete=False) as file:
-        file.write(text)
-    path = Path(file.name)
-    atexit.register(path.unlink, missing_ok=True)
-    return path
+    """A file with a description, in a folder that nobody else can write to; the same for the same text.
+
+    Raises:
+        SetupError: The folder is somebody else's.
+    """
+    folder = Path(tempfile.gettempdir(), f"mild_ros-{os.getuid()}")
+    folder.mkdir(mode=0o700, exist_ok=True)
+    found = folder.lstat()
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or found.st_mode & 0o022:
+        raise SetupError(str(folder), "can be written by somebody else", "remove it, or set TMPDIR")
+    path = folder / f"{hashlib.sha256(text.encode()).hexdigest()[:16]}.urdf"
+    written = path.with_suffix(f".{os.getpid()}")
+    written.write_text(text, encoding="utf-8")
+    return written.replace(path)
 
 
 def _settle(link: ElementTree.Element, ours: ElementTree.Element | None, meshes: _Meshes) -> None:

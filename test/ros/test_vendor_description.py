@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import logging
+import tempfile
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -94,3 +95,13 @@ def test_a_robot_file_may_name_meshes_by_package(theirs: Path, caplog: pytest.Lo
 def test_another_robot_s_description_is_refused(theirs: Path) -> None:
     with pytest.raises(SetupError, match="it has no joint RElbowRoll"):
         make_robot("pepper", str(theirs))
+
+
+def test_copies_lie_where_nobody_else_can_write(theirs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    first, second = make_robot("yumi", str(theirs)).urdf_path, make_robot("yumi", str(theirs)).urdf_path
+    assert first == second
+    assert list(first.parent.iterdir()) == [first]
+    first.parent.chmod(0o777)
+    with pytest.raises(SetupError, match="can be written by somebody else; remove it, or set TMPDIR"):
+        make_robot("yumi", str(theirs))
