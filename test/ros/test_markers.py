@@ -61,12 +61,13 @@ def shown_markers(probe: Probe, person: PersonPose, windows: list[FeatureWindow]
     states_out = probe.node.create_publisher(JointState, "joint_states", STATE)
     for publisher in (sent, person_out, states_out):
         probe.matched(publisher)
-    states_out.publish(joint_measurement_to_msg(JointMeasurement(1, YUMI.joint_names, YUMI.home_rad + 0.1)))
-    person_out.publish(person_to_msg(person))
     waiting = iter(windows)
 
     def all_are_sent() -> bool:
         if (window := next(waiting, None)) is not None:
+            # With every window, as a robot and perception send them: one message alone may come after all windows.
+            states_out.publish(joint_measurement_to_msg(JointMeasurement(1, YUMI.joint_names, YUMI.home_rad + 0.1)))
+            person_out.publish(person_to_msg(person))
             sent.publish(feature_window_to_msg(window))
         probe.spin(0.02)
         return any(len(array.markers) > 3 for array in shown) and window is None
