@@ -11,17 +11,19 @@ ITERATIONS = 30
 
 
 def clusters(points: FloatArray, count: int, rng: np.random.Generator) -> FloatArray:
-    """(count, F) centres of clusters of points (N, F).
+    """(M, F) centres of clusters of points (N, F): `count`, or fewer where fewer points differ.
 
     Source: Lloyd's algorithm, started as in Arthur, Vassilvitskii, "k-means++" (2007).
     """
     centres = points[rng.integers(len(points), size=1)]
     for _ in range(count - 1):
         squares = squared_distances(points, centres).min(axis=1)
+        if not squares.any():  # every point is a centre already: somebody who stands perfectly still
+            break
         centres = np.concatenate([centres, points[rng.choice(len(points), size=1, p=squares / squares.sum())]])
     for _ in range(ITERATIONS):
         nearest = squared_distances(points, centres).argmin(axis=1)
-        members = [points[nearest == m] for m in range(count)]
+        members = [points[nearest == m] for m in range(len(centres))]
         centres = np.stack([own.mean(axis=0) if len(own) else old for own, old in zip(members, centres, strict=True)])
     return centres
 

@@ -13,7 +13,6 @@ from mild_core.inference.past import fade, kept_per_frame
 from mild_core.inference.radial_basis import RadialBasis
 from mild_core.learning.clusters import clusters, squared_distances
 from mild_core.learning.demonstration import Demonstration
-from mild_core.learning.folds import folds_of
 from mild_core.learning.settings import RadialBasisSettings, TrainingSettings
 from mild_core.learning.windows import Protocol, cut
 from mild_core.shapes import FloatArray
@@ -27,6 +26,9 @@ STRIDE = 3
 
 ANSWER_COORDINATES = 20
 """Principal components of the controlled agent's window: they hold all but a thousandth of its variance."""
+
+LEAST_SCALE_M = 1e-6
+"""Positions that differ by less do not differ."""
 
 JITTER = 1e-7
 """Times the number of windows, on the diagonal: two centres at one place still give a solution."""
@@ -79,11 +81,11 @@ def fit_radial_basis(
         _Windows(trial.interaction, (question @ weight + bias)[::STRIDE], ((answer - mean) @ back.T)[::STRIDE])
         for trial, question, answer in zip(demonstrations, questions, answers, strict=True)
     ]
-    width, penalty = _chosen(demonstrations, windows, settings, seed)
-    solved = [
-        _solve([w for w in windows if w.interaction == name], settings.centres, width, (penalty,), seed)[0]
-        for name in interactions
-    ]
+    width, penalty = _chosen(windows, settings, seed)
+    solved = []
+    for name in interactions:
+        own = [w for w in windows if w.interaction == name]
+        solved += _solve(own, _centres(own, settings.centres, seed), width, (penalty,))
     return RadialBasis(
         weight=weight,
         bias=bias,
@@ -142,7 +144,7 @@ def _coordinates(
     values = 2 * joints if protocol.features == "positions_velocities" else joints
     size = protocol.window * values
     importance = np.tile(np.where(np.arange(values) < joints, 1.0, settings.velocity_weight), protocol.window)
-    scale = float((every[:, :size] * importance).std())
+    scale = max(float((every[:, :size] * importance).std()), LEAST_SCALE_M)
     mean = every[:, :size].mean(axis=0)
     centred = ((every[:, :size] - mean) * importance)[::STRIDE]
     directions = np.linalg.svd(centred, full_matrices=False)[2][: settings.coordinates].T
@@ -157,41 +159,43 @@ def _coordinates(
     return weight, np.concatenate([-mean @ directions, np.zeros(len(past))])
 
 
-def _chosen(
-    demonstrations: Sequence[Demonstration], windows: Sequence[_Windows], settings: RadialBasisSettings, seed: int
-) -> tuple[float, float]:
+def _chosen(windows: Sequence[_Windows], settings: RadialBasisSettings, seed: int) -> tuple[float, float]:
     """Width and penalty with the least sum over interactions of errors relative to the interaction's least."""
     total = np.zeros((len(WIDTHS), len(PENALTIES)))
     for name in dict.fromkeys(w.interaction for w in windows):
-        own = {id(trial): w for trial, w in zip(demonstrations, windows, strict=True) if w.interaction == name}
-        trials = [trial for trial in demonstrations if id(trial) in own]
-        if len(trials) < 2:
-            continue
-        errors = np.zeros_like(total)
-        for fold in folds_of(trials, min(INNER_FOLDS, len(trials))):
-            learned, left_out = [own[id(t)] for t in fold.learned], [own[id(t)] for t in fold.held_out]
-            question = np.concatenate([w.question for w in left_out])
-            answer = np.concatenate([w.answer for w in left_out])
+        own = [w for w in windows if w.interaction == name]
+        errors, folds = np.zeros_like(total), min(INNER_FOLDS, len(own))
+        for fold in range(folds if folds > 1 else 0):
+            learned, left_out = ([w for k, w in enumerate(own) if (k % folds == fold) == out] for out in (False, True))
+            question, answer = _together(left_out)
+            centres = _centres(learned, settings.centres, seed)
             for row, width in enumerate(WIDTHS):
-                for column, one in enumerate(_solve(learned, settings.centres, width, PENALTIES, seed)):
-                    heights = _heights(question, one.centres, width)
+                heights = _heights(question, centres, width)
+                for column, one in enumerate(_solve(learned, centres, width, PENALTIES)):
                     errors[row, column] += ((heights @ one.coefficients + one.offset - answer) ** 2).sum()
-        total += errors / errors.min()
+        total += errors / max(float(errors.min()), np.finfo(float).tiny)
     width, penalty = list(product(WIDTHS, PENALTIES))[int(total.argmin())]
     return width, penalty
 
 
-def _solve(
-    windows: Sequence[_Windows], most: int, width: float, penalties: Sequence[float], seed: int
-) -> list[_Solved]:
+def _together(windows: Sequence[_Windows]) -> tuple[FloatArray, FloatArray]:
+    """Questions and answers of all trials."""
+    return np.concatenate([w.question for w in windows]), np.concatenate([w.answer for w in windows])
+
+
+def _centres(windows: Sequence[_Windows], most: int, seed: int) -> FloatArray:
+    """(M, F) of one interaction."""
+    question = _together(windows)[0]
+    return clusters(question, max(1, min(most, len(question) // 3)), np.random.default_rng(seed))
+
+
+def _solve(windows: Sequence[_Windows], centres: FloatArray, width: float, penalties: Sequence[float]) -> list[_Solved]:
     """Coefficients of one interaction for each penalty.
 
     Source: the regularisation networks of Poggio and Girosi with fewer centres than examples (their section V).
     """
-    question = np.concatenate([w.question for w in windows])
-    answer = np.concatenate([w.answer for w in windows])
+    question, answer = _together(windows)
     offset = answer.mean(axis=0)
-    centres = clusters(question, max(1, min(most, len(question) // 3)), np.random.default_rng(seed))
     heights, between = _heights(question, centres, width), _heights(centres, centres, width)
     square, right = heights.T @ heights, heights.T @ (answer - offset)
     jitter = JITTER * len(question) * np.eye(len(centres))

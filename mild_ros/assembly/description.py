@@ -120,6 +120,8 @@ def _found(name: str, near: Path) -> Path | None:
         file = near / name.removeprefix("file://")
         return file if file.is_file() else None
     package, _, rest = name.removeprefix(scheme).partition("/")
+    if ".." in (package, *Path(rest).parts):  # a description may come from anybody: its meshes lie in their packages
+        return None
     return next((folder / rest for folder in _folders(package, near) if (folder / rest).is_file()), None)
 
 

@@ -15,7 +15,7 @@ from test.habits.tree import ROOT, called, files, parse, plant, python_files
 LICENCE = "# SPDX-License-Identifier: Apache-2.0"
 EMPTY_NAMES = {"utils", "util", "common", "helpers", "helper", "misc", "stuff", "tools"}
 MACHINE_PATH = re.compile(r"(?<![\w.~$}/-])/(?:work|root|home/\w+|Users/\w+|opt/wheels|mnt|media)(?=[/\s\"'`)]|$)")
-LARGEST_BYTES = 3 * 2**19
+LARGEST_BYTES, LARGEST_WEIGHTS_BYTES = 2**20, 3 * 2**19
 DATA_SUFFIXES = {
     *(".npz", ".npy", ".pt", ".pth", ".pkl", ".pickle", ".joblib", ".mat", ".h5", ".hdf5", ".parquet", ".feather"),
     *(".csv", ".tsv", ".txt", ".zip", ".gz", ".zst", ".bag", ".db3", ".mcap", ".safetensors", ".bin", ".bvh", ".c3d"),
@@ -70,7 +70,12 @@ def absent_documents(root: Path) -> list[str]:
 
 def large_files(root: Path) -> list[str]:
     """Files that make every clone slow for ever."""
-    return [str(path.relative_to(root)) for path in files(root) if path.stat().st_size > LARGEST_BYTES]
+    found = []
+    for path in files(root):
+        weights = path.match("models/*/weights.safetensors")
+        if path.stat().st_size > (LARGEST_WEIGHTS_BYTES if weights else LARGEST_BYTES):
+            found.append(str(path.relative_to(root)))
+    return found
 
 
 def recordings(root: Path) -> list[str]:
@@ -137,7 +142,10 @@ GATES: dict[Callable[[Path], list[str]], list[tuple[str, str]]] = {
         ("b", "p=/Users/bo/x"),
     ],
     absent_documents: [("a.py", "# METHOD §3"), ("a.md", "see DESIGN.md")],
-    large_files: [("a.png", "x" * (LARGEST_BYTES + 1))],
+    large_files: [
+        ("a.png", "x" * (LARGEST_BYTES + 1)),
+        ("models/a/weights.safetensors", "x" * (LARGEST_WEIGHTS_BYTES + 1)),
+    ],
     recordings: [
         ("test/core/trial.npz", ""),
         ("docs/table.csv", ""),

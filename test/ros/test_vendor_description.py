@@ -105,3 +105,10 @@ def test_copies_lie_where_nobody_else_can_write(theirs: Path, tmp_path: Path, mo
     first.parent.chmod(0o777)
     with pytest.raises(SetupError, match="can be written by somebody else; remove it, or set TMPDIR"):
         make_robot("yumi", str(theirs))
+
+
+def test_a_mesh_outside_its_package_is_none(theirs: Path) -> None:
+    write_stl(theirs.parents[2] / "outside.stl")
+    text = theirs.read_text()
+    theirs.write_text(text.replace(f"{PACKAGE}/{HERE}.stl", "package://yumi_description/../outside.stl"))
+    assert parts(make_robot("yumi", str(theirs)), HERE, "visual") == parts(YUMI, HERE, "visual")

@@ -97,6 +97,19 @@ def test_arrays_that_do_not_fit_are_named(basis, name, wrong):
     assert build_model(manifest, {**arrays, **basis.to_arrays()}).radial_basis is not None
 
 
+@pytest.mark.parametrize("moving", [0, 1])
+def test_people_who_stand_perfectly_still_are_learned_from_too(moving):
+    def still(trial):
+        return replace(trial, observed_m=np.repeat(trial.observed_m[:1], trial.frames, axis=0))
+
+    trials = [trial if k % 4 < moving else still(trial) for k, trial in enumerate(TRIALS)]
+    basis = fit_radial_basis(trials, SAME_SECOND, TWO, SETTINGS, 0)
+    assert basis is not None
+    assert all(np.isfinite(array).all() for array in basis.to_arrays().values())
+    found = answers(basis, trials[2], np.eye(2)[0])
+    assert np.abs(found).max() < 2.0  # what the robot did there is between 0 and 1
+
+
 def test_the_papers_model_has_none():
     assert PAPER.radial_basis is None
     assert PAPER.past_s == ()
