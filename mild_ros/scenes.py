@@ -18,7 +18,7 @@ from mild_core.perception.skeletons import SOURCES
 from mild_core.retargeting.robots import ROBOTS
 from mild_core.shapes import FloatArray
 from mild_core.signals import JointMeasurement
-from mild_ros.simulation.person import bodies, skeleton_frames
+from mild_ros.simulation.person import bodies, kneeling, skeleton_frames, with_fist
 
 RATE_HZ = 30.0
 """The Azure Kinect's."""
@@ -57,14 +57,18 @@ class Scene:
     """One interaction.
 
     Attributes:
-        name: Of its folder and of the interaction.
+        name: Of its folder and, but for who kneels, of the interaction.
         what: In a sentence.
         poses: What the arm does after a time of rest.
+        robot: At whose home the robot stands.
+        kneels: Whether the person is on one knee, as before a child, and holds out a fist.
     """
 
     name: str
     what: str
     poses: tuple[Pose, ...]
+    robot: str = "yumi"
+    kneels: bool = False
 
 
 def _still(seconds: float) -> Pose:
@@ -134,6 +138,22 @@ SCENES = (
     ),
 )
 
+ROCKET_KNEELING = Scene(
+    "rocket_kneeling",
+    "On one knee before a small robot: a fist is drawn back, meets the robot's, rises with it and goes.",
+    (
+        Pose(0.8, (-0.35, -0.2, -0.9), (0.35, 0.2, -0.9)),
+        *(Pose(after, (0.72, 0.39, -0.57), (0.7, 0.64, 0.3), 0.05) for after in (1.1, 0.6)),
+        *(Pose(after, (0.86, 0.45, -0.24), (0.58, 0.53, 0.61), 0.03) for after in (1.1, 1.0)),
+        Pose(0.8, (0.3, -0.2, -0.93), (0.6, 0.3, -0.73)),
+        Pose(0.6, *REST),
+    ),
+    robot="pepper",
+    kneels=True,
+)
+"""Pepper's shoulders are at half an adult's height, and its hand comes 0.36 m from them: people go down to it, as the
+two people from whom its model learned were of one height."""
+
 
 def minimum_jerk(share: FloatArray) -> FloatArray:
     """How far along a straight path a hand is, for the share of its time that has passed.
@@ -167,7 +187,8 @@ def write_scene(scene: Scene, folder: Path) -> None:
     from mild_ros.messages.marker_array import people_to_marker_array
 
     body = bodies(arm_track(scene))
-    robot = ROBOTS["yumi"]
+    body = with_fist(kneeling(body)) if scene.kneels else body
+    robot = ROBOTS[scene.robot]
     with create_bag(folder) as bag:
         at_home = joint_measurement_to_msg(JointMeasurement(START_NS, robot.joint_names, robot.home_rad))
         bag.write("/joint_states", type_name_of(at_home), START_NS, encode(at_home))
@@ -187,7 +208,7 @@ Made by `python -m mild_ros.scenes bags` from the poses of `mild_ros/scenes.py`,
 between them move the right arm of the kinematic person of `mild_ros/simulation/person.py`.
 
 {duration_s:.1f} s. `{TOPIC}`: `visualization_msgs/MarkerArray` as the Azure Kinect driver publishes it, one person of
-32 joints in a depth camera's optical frame, {RATE_HZ:g} Hz. `/joint_states`: one message, a YuMi at home.
+32 joints in a depth camera's optical frame, {RATE_HZ:g} Hz. `/joint_states`: one message, `{scene.robot}` at home.
 
 Licence: Apache-2.0, as everything here.
 """
@@ -199,7 +220,7 @@ def main() -> int:
         print("python -m mild_ros.scenes FOLDER", file=sys.stderr)
         return 2
     try:
-        for scene in SCENES:
+        for scene in (*SCENES, ROCKET_KNEELING):
             write_scene(scene, Path(sys.argv[1], scene.name))
             print(f"{Path(sys.argv[1], scene.name)}: {scene.what}")
     except SetupError as error:

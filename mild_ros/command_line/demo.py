@@ -31,10 +31,11 @@ def demo(
     """
     from mild_ros.command_line.results import leave, run_with_progress, tell
     from mild_ros.demo import RunOptions
+    from mild_ros.scenes import SCENES
     from mild_ros.settings import PipelineParameters
     from mild_ros.share import share_folder
 
-    scenes = sorted(path.parent.name for path in share_folder("bags").glob("*/metadata.yaml"))
+    scenes = sorted(each.name for each in SCENES)
     if scene not in scenes:
         raise unknown_name("scene", scene, scenes)
     out.mkdir(parents=True, exist_ok=True)

@@ -11,6 +11,7 @@ import typer
 from rich.console import Console
 
 from mild_core.errors import SetupError
+from mild_ros.command_line.options import Config, Given, Model, Source
 
 MODEL = Annotated[str, typer.Option(metavar="NAME|FOLDER", help="A shipped model, or the folder of yours.")]
 DATA = Annotated[
@@ -111,41 +112,47 @@ def joints(
 @plot.command()
 def filmstrip(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A bag that `mild demo`, `replay` or a recorder wrote.")],
-    model: MODEL = DEFAULT,
-    robot: Annotated[str, typer.Option(metavar="NAME|FILE", help="That was moved.")] = "yumi",
-    source: Annotated[str, typer.Option(help="Tracker convention of its skeletons.")] = "azure_kinect",
+    model: Model = None,
+    robot: Annotated[str | None, typer.Option(metavar="NAME|FILE", help="That was moved [default: yumi].")] = None,
+    source: Source = None,
+    config: Config = "",
+    given: Given = None,
+    title: Annotated[str, typer.Option(help="Above the pictures [default: robot and interaction].")] = "",
     out: OUT = Path("out/filmstrip.png"),
 ) -> None:
     """Person and robot at moments of a recorded run, from rest to contact to rest (Fig. 6 and 9).
 
-        mild replay bags/handshake --out out/handshake
+        mild replay bags/handshake --lock-step --out out/handshake
 
         mild plot filmstrip out/handshake/recorded --out handshake.pdf
 
-    A rocket with Pepper, by the model of its own joints:
+    A rocket with Pepper, by the model of its own joints; the person kneels, as before a child:
 
-        mild replay bags/rocket -p robot:=pepper --model pepper_nuisi_next --interaction rocket --out out/pepper
+        mild replay bags/rocket_kneeling --config pepper --source azure_kinect --lock-step --out out/pepper
 
-        mild plot filmstrip out/pepper/recorded --robot pepper --model pepper_nuisi_next
+        mild plot filmstrip out/pepper/recorded --config pepper --source azure_kinect
+
+    The person is drawn where the model takes them to stand, or with -p robot_from_camera:='…' where they stood.
     """
     from mild_core.retargeting.robot_file import find_robot
     from mild_ros.assembly.perception import make_perception, manifest_of, skeleton_source
-    from mild_ros.settings import PerceptionParameters
+    from mild_ros.parameter_files import read_parameters
+    from mild_ros.settings import PipelineParameters
     from mild_ros.viewing.filmstrip import draw_filmstrip
     from mild_ros.viewing.placing import main_interaction
     from mild_ros.viewing.recorded import read_run
     from mild_ros.viewing.staging import stage
 
-    parameters, found, manifest = (
-        PerceptionParameters(model=model, source=source),
-        find_robot(robot),
-        manifest_of(model),
-    )
+    told = {"model": model, "robot": robot, "source": source}
+    parameters = read_parameters(PipelineParameters, "pipeline", config, given or (), **told)
+    found, manifest = find_robot(parameters.robot), manifest_of(parameters.model)
     recorded = read_run(run, skeleton_source(parameters))
     staged = stage(recorded, make_perception(parameters, manifest), manifest, found)
     spoken = main_interaction(recorded.motions).replace("_", " ") or "nothing recognised"
     out.parent.mkdir(parents=True, exist_ok=True)
-    draw_filmstrip(staged, found, out, f"{found.name}: {spoken}")
+    draw_filmstrip(staged, found, out, title or f"{found.name}: {spoken}")
+    time_s, gap_m = staged.nearest()
+    _say(f"hands at their nearest: {100 * gap_m:.1f} cm apart at {time_s:.1f} s")
     _written(out)
 
 
@@ -200,4 +207,8 @@ def _title(seen: Any, trial: int) -> str:
 
 
 def _written(path: Path) -> None:
-    Console().print(f"written: {path}", highlight=False, soft_wrap=True)
+    _say(f"written: {path}")
+
+
+def _say(text: str) -> None:
+    Console().print(text, highlight=False, soft_wrap=True)

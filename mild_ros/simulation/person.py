@@ -56,6 +56,22 @@ _STANDING: dict[str, tuple[float, float, float]] = {
     "right_foot": (0.125, -0.155, 0.025),
 }
 
+KNEELING_M: dict[str, tuple[float, float, float]] = {
+    "left_elbow": (-0.02, 0.27, 0.185),
+    "left_wrist": (0.22, 0.19, 0.245),
+    "left_hand": (0.30, 0.175, 0.26),
+    "left_hand_tip": (0.385, 0.17, 0.245),
+    "left_thumb": (0.29, 0.145, 0.275),
+    "left_knee": (0.35, 0.13, 0.20),
+    "left_ankle": (0.30, 0.13, -0.235),
+    "left_foot": (0.455, 0.155, -0.30),
+    "right_knee": (0.345, -0.13, -0.26),
+    "right_ankle": (-0.07, -0.13, -0.235),
+    "right_foot": (0.085, -0.13, -0.30),
+}
+"""Seen from the pelvis: the same adult on the right knee, sitting on that heel, the left hand on the other knee; the
+shoulders are 0.785 m above the floor then, as those of a small robot are [m]."""
+
 # How much of the right shoulder's way the rest of the trunk follows; what is not named here stays.
 _FOLLOWS = {
     **{
@@ -70,6 +86,9 @@ _FOLLOWS = {
     **dict.fromkeys(("left_eye", "right_eye", "left_ear", "right_ear"), 0.5),
     **dict.fromkeys((f"left_{part}" for part in ("shoulder", "elbow", "wrist", "hand", "hand_tip", "thumb")), 0.3),
 }
+
+FIST = 0.3
+"""How far beyond the middle of the hand a fist ends, as a share of how far an open hand does."""
 
 _WRIST = 0.75
 """Where the wrist is on the way from elbow to hand."""
@@ -122,6 +141,22 @@ def bodies(arm_m: FloatArray, lengths: ArmLengths = ADULT) -> FloatArray:
     for name, place in _STANDING.items():
         placed[name] = np.array(place) - _SHOULDER + _FOLLOWS.get(name, 0.0) * shoulder
     return np.stack([placed[name] for name in BODY_JOINTS], axis=1)
+
+
+def kneeling(body_m: FloatArray) -> FloatArray:
+    """The same people (T, 32, 3) of the arm frame, on one knee; head, trunk and right arm stay."""
+    knelt = body_m.copy()
+    for name, place in KNEELING_M.items():
+        knelt[:, BODY_JOINTS.index(name)] = body_m[:, BODY_JOINTS.index("pelvis")] + place
+    return knelt
+
+
+def with_fist(body_m: FloatArray) -> FloatArray:
+    """The same people (T, 32, 3) with the right hand closed: the fingers' tip is at the knuckles."""
+    closed = body_m.copy()
+    hand, tip = (BODY_JOINTS.index(f"right_{part}") for part in ("hand", "hand_tip"))
+    closed[:, tip] = body_m[:, hand] + FIST * (body_m[:, tip] - body_m[:, hand])
+    return closed
 
 
 def with_neutral_second(track: FloatArray, rate_hz: float, seconds: float = 1.0) -> FloatArray:

@@ -36,6 +36,10 @@ NEEDED = frozenset(
 """Joints without which no body can be drawn."""
 
 
+LONGEST_FIST_M = 0.05
+"""From the middle of the hand to the tip of a closed one; trackers that tell no tip see hands that are open."""
+
+
 @dataclass(frozen=True, eq=False)
 class BodyPart:
     """One rigid part.
@@ -57,7 +61,8 @@ def body_parts(frames: Sequence[Places]) -> tuple[BodyPart, ...]:
     """The parts of a person who was seen in `frames` (each with the joints of `NEEDED`)."""
 
     def length(a: str, b: str) -> float:
-        return float(np.median([np.linalg.norm(frame[b] - frame[a]) for frame in frames]))
+        seen = [np.linalg.norm(frame[b] - frame[a]) for frame in frames if b in frame]
+        return float(np.median(seen)) if seen else np.inf
 
     parts = [*_trunk(length), *_head(length)]
     for side in ("left", "right"):
@@ -136,11 +141,12 @@ def _arm(side: str, length: Callable[[str, str], float]) -> list[BodyPart]:
     sleeve = tapered_limb(length(shoulder, elbow) * 0.52, 0.063, 0.058)
     fore = tapered_limb(length(elbow, wrist), 0.044, 0.029, bulge=0.25)
     palm = max(length(wrist, hand), 0.05)
+    fingers = _fist(palm) if length(hand, f"{hand}_tip") < LONGEST_FIST_M else _hand(palm)
     return [
         BodyPart(f"{side}_sleeve", SHIRT, sleeve, lambda at: _upper_arm_pose(at, side)),
         BodyPart(f"{side}_upper_arm", SKIN, upper, lambda at: _upper_arm_pose(at, side)),
         BodyPart(f"{side}_forearm", SKIN, fore, lambda at: _along(at[elbow], at[wrist], _left(at))),
-        BodyPart(f"{side}_hand", SKIN, _hand(palm), lambda at: _along(at[wrist], at[hand], _left(at))),
+        BodyPart(f"{side}_hand", SKIN, fingers, lambda at: _along(at[wrist], at[hand], _left(at))),
         BodyPart(f"{side}_thumb", SKIN, tapered_limb(0.055, 0.015, 0.011), lambda at: _thumb_pose(at, side)),
     ]
 
@@ -152,6 +158,13 @@ def _hand(palm_m: float) -> Surface:
     rings = [Ring(share * reach, 0.043 * wide, 0.022 * thick, 0.0, 2.6) for share, wide, thick in shares]
     tips = [Ring(0.96 * reach, 0.026, 0.011), Ring(reach, 0.008, 0.004)]
     return lofted([Ring(-0.006, 0.012, 0.012), *rings, *tips])
+
+
+def _fist(palm_m: float) -> Surface:
+    """Palm and bent fingers along z."""
+    shares = ((0.0, 0.5, 0.5), (0.15, 0.75, 0.8), (0.45, 1.0, 1.0), (0.75, 1.05, 1.1), (0.93, 0.9, 0.95))
+    rings = [Ring(share * (palm_m + 0.035), 0.042 * wide, 0.036 * thick, 0.0, 2.6) for share, wide, thick in shares]
+    return lofted([Ring(-0.006, 0.012, 0.012), *rings, Ring(palm_m + 0.035, 0.018, 0.016)])
 
 
 def _leg(side: str, length: Callable[[str, str], float]) -> list[BodyPart]:

@@ -11,17 +11,22 @@ from matplotlib.figure import Figure
 from mild_core.retargeting.robot import RobotModel
 from mild_core.shapes import FloatArray
 from mild_ros.viewing.body import body_parts
+from mild_ros.viewing.figures.style import PAGE_IN
+from mild_ros.viewing.plots import INK
 from mild_ros.viewing.renderer import View, open_renderer
 from mild_ros.viewing.staging import Staged
 
 MOMENTS = 6
-PANEL = (600, 760)
+PANEL_WIDTH = 600
 """Pixels of one picture."""
 
-DPI, HEADER = 200, 0.85
-"""Dots per inch; inches above the pictures."""
+DPI = MOMENTS * PANEL_WIDTH / PAGE_IN
+"""The strip is as wide as a page, so that its letters are as large there as they are meant to be."""
 
-INK, GREY = "#222831", "#5b6470"
+TITLE_IN, LINE_IN = 0.24, 0.135
+"""Heights of the title and of a line below it [inches]."""
+
+SMALL, GREY = 6.5, "#4a525c"
 
 TURNED_DEG, RAISED_DEG, OPENING_DEG = 194.0, 11.0, 26.0
 """The camera stands at the robot's left: between the two arms that meet."""
@@ -29,16 +34,19 @@ TURNED_DEG, RAISED_DEG, OPENING_DEG = 194.0, 11.0, 26.0
 MARGIN = 1.1
 """Room around robot and person."""
 
+BEHIND_M, BEYOND_M, SKULL_M = 0.42, 0.3, 0.18
+"""What is seen behind the robot's base, behind the middle of the person's head and above it."""
 
-def whole_view(staged: Staged) -> View:
-    """A camera that sees the person from head to foot, and the robot."""
+
+def whole_view(staged: Staged, robot_top_m: float) -> tuple[View, tuple[int, int]]:
+    """A camera that sees the person from head to foot, and the robot; and the pixels that this takes."""
     heads = np.stack([at["head"] for at in staged.bodies])
-    low, high = staged.floor_m, float(heads[:, 2].max()) + 0.2
-    near, far = -0.45, float(heads[:, 0].max()) + 0.3
-    wanted = max(high - low, (far - near) * PANEL[1] / PANEL[0])
-    distance = 0.5 * MARGIN * wanted / np.tan(np.radians(OPENING_DEG / 2)) + 0.3
+    low, high = staged.floor_m, max(float(heads[:, 2].max()) + SKULL_M, robot_top_m)
+    near, far = -BEHIND_M, float(heads[:, 0].max()) + BEYOND_M
+    panel = (PANEL_WIDTH, round(PANEL_WIDTH * (high - low) / (far - near)))
+    distance = 0.5 * MARGIN * (high - low) / np.tan(np.radians(OPENING_DEG / 2)) + 0.3
     target = (0.5 * (near + far), 0.0, 0.5 * (low + high))
-    return View(target, float(distance), TURNED_DEG, RAISED_DEG, OPENING_DEG)
+    return View(target, float(distance), TURNED_DEG, RAISED_DEG, OPENING_DEG), panel
 
 
 def chosen_moments(staged: Staged, number: int = MOMENTS) -> FloatArray:
@@ -53,30 +61,34 @@ def chosen_moments(staged: Staged, number: int = MOMENTS) -> FloatArray:
         return np.linspace(times[0], times[-1], number)
     begin, end = busy[0], busy[-1]
     moments = np.array([max(times[0], begin - 1.0), *np.linspace(begin, end, number - 2), min(times[-1], end + 1.8)])
-    nearest = times[int(np.argmin(staged.gap_m))]
+    nearest, _ = staged.nearest()
     if begin < nearest < end:
         moments[1 + int(np.argmin(np.abs(moments[1:-1] - nearest)))] = nearest
     return moments
 
 
 def draw_filmstrip(staged: Staged, robot: RobotModel, path: Path, title: str) -> None:
-    """Write the filmstrip of a run as a PNG."""
-    view = whole_view(staged)
-    width, height = PANEL[0] / DPI, PANEL[1] / DPI
-    figure = Figure(figsize=(MOMENTS * width, height + HEADER), dpi=DPI, facecolor="white")
+    """Write the filmstrip of a run (.png, .pdf or .svg); each time comes with what the model believed and the gap."""
     with open_renderer(robot, staged.floor_m) as renderer:
+        view, panel = whole_view(staged, renderer.top_m)
+        header, height = TITLE_IN + 3.2 * LINE_IN, panel[1] / DPI
+        figure = Figure(figsize=(PAGE_IN, height + header), dpi=DPI, facecolor="white")
         renderer.add_person(body_parts(staged.bodies))
+
+        def write(x: float, below_in: float, text: str, **style: object) -> None:
+            figure.text(x, 1.0 - below_in / (height + header), text, va="top", **style)
+
+        write(0.008, 0.05, title, fontsize=9, fontweight="bold", color=INK)
         for index, moment in enumerate(chosen_moments(staged)):
-            renderer.place(staged.joints_at(moment), staged.bodies[staged.frame_at(moment)])
-            axes = figure.add_axes((index / MOMENTS, 0.0, 1.0 / MOMENTS, height / (height + HEADER)))
-            axes.imshow(np.asarray(renderer.picture(view, *PANEL)))
+            frame = staged.frame_at(moment)
+            renderer.place(staged.joints_at(moment), staged.bodies[frame])
+            axes = figure.add_axes((index / MOMENTS, 0.0, 1.0 / MOMENTS, height / (height + header)))
+            axes.imshow(np.asarray(renderer.picture(view, *panel)))
             axes.set_axis_off()
-            middle = (index + 0.5) / MOMENTS
-            figure.text(middle, 1.0 - 0.52 / (height + HEADER), f"{moment:.1f} s", ha="center", fontsize=11, color=INK)
-            said = caption(staged, moment)
-            figure.text(middle, 1.0 - 0.72 / (height + HEADER), said, ha="center", fontsize=8.5, color=GREY)
-    at_top = 1.0 - 0.26 / (height + HEADER)
-    figure.text(0.012, at_top, title, fontsize=13, fontweight="bold", color=INK)
+            middle, apart = (index + 0.5) / MOMENTS, f"hands {100 * staged.gap_m[frame]:.0f} cm apart"
+            write(middle, TITLE_IN, f"{moment:.1f} s", ha="center", fontsize=8, color=INK)
+            for line, said in enumerate((caption(staged, moment), apart), start=1):
+                write(middle, TITLE_IN + line * LINE_IN, said, ha="center", fontsize=SMALL, color=GREY)
     figure.savefig(path)
 
 

@@ -13,6 +13,7 @@ from mild_core.perception.calibration import Calibration
 from mild_core.perception.stage import Perception
 from mild_core.shapes import FloatArray
 from mild_core.signals import MotionWindow, SkeletonFrame
+from mild_ros.simulation.person import KNEELING_M
 from mild_ros.viewing.body import NEEDED, Places
 
 SOLE_M = 0.07
@@ -20,6 +21,11 @@ SOLE_M = 0.07
 
 SMALLEST, LARGEST = 0.7, 1.4
 """A person is not drawn smaller or larger than this for their arm to have the model's length."""
+
+LEGS = ("_knee", "_ankle", "_foot")
+
+SHORTEST_LEGS = 0.6
+"""Whose legs would have to be drawn shorter than this share kneels: so low are the shoulders of who meets Pepper."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,8 +61,17 @@ def find_calibration(perception: Perception, people: Sequence[SkeletonFrame]) ->
     return None
 
 
-def place_person(calibration: Calibration, manifest: Manifest, interaction: str) -> Placement:
-    """Where the person stands for an interaction; "" for one place that suits all."""
+def place_person(
+    calibration: Calibration, manifest: Manifest, interaction: str, robot_from_source: FloatArray | None = None
+) -> Placement:
+    """Where the person stands: as the camera sees them, if its (4, 4) pose in the robot's base frame is known.
+
+    Otherwise as the model takes them to stand for an interaction; "" for one place that suits all.
+    """
+    if robot_from_source is not None:
+        turn = robot_from_source[:3, :3]
+        shoulder_m = turn @ calibration.shoulder_m + robot_from_source[:3, 3]
+        return Placement(calibration, turn @ calibration.arm_from_source.T, shoulder_m)
     standing = manifest.robot_from_human
     translation = getattr(standing, "by_interaction", {}).get(interaction, standing.translation_m)
     arm_m = sum(getattr(standing, "arm_lengths_m", ()) or calibration.bone_lengths_m)
@@ -81,15 +96,26 @@ def floor_height(frames: Sequence[Places]) -> float:
 
 
 def stood_on(frames: Sequence[Places], floor_m: float) -> tuple[Places, ...]:
-    """The same person with legs as long as it takes to stand on the floor; hands stay where they met the robot's."""
+    """The same person with legs as long as it takes to stand or kneel on the floor; hands stay where they met."""
     hips_m, ankles_m = _height(frames, "hip"), _height(frames, "ankle")
+    if (hips_m - floor_m - SOLE_M) < SHORTEST_LEGS * (hips_m - ankles_m):
+        frames = [_kneeling(at) for at in frames]
+        ankles_m = _height(frames, "ankle")
     share = (hips_m - floor_m - SOLE_M) / max(hips_m - ankles_m, 0.1)
 
     def stretched(name: str, place_m: FloatArray) -> FloatArray:
-        leg = name.endswith(("_knee", "_ankle", "_foot"))
+        leg = name.endswith(LEGS)
         return place_m * (1.0, 1.0, share) + (0.0, 0.0, (1.0 - share) * hips_m) if leg else place_m
 
     return tuple({name: stretched(name, place_m) for name, place_m in at.items()} for at in frames)
+
+
+def _kneeling(at: Places) -> Places:
+    """The same person with the legs of one who kneels."""
+    left = (at["left_hip"] - at["right_hip"]) * (1.0, 1.0, 0.0)
+    left = left / max(float(np.linalg.norm(left)), 1e-9)
+    axes = np.stack([np.cross(left, (0.0, 0.0, 1.0)), left, (0.0, 0.0, 1.0)])
+    return {**at, **{name: at["pelvis"] + place @ axes for name, place in KNEELING_M.items() if name.endswith(LEGS)}}
 
 
 def _height(frames: Sequence[Places], joint: str) -> float:

@@ -45,6 +45,8 @@ class Renderer:
             bullet.getJointInfo(self._robot, index, physicsClientId=client)[1].decode(): index
             for index in range(bullet.getNumJoints(self._robot, physicsClientId=client))
         }
+        boxes = [bullet.getAABB(self._robot, link, physicsClientId=client) for link in (-1, *self._joints.values())]
+        self.top_m = max(high[2] for _, high in boxes)
         self._parts: list[tuple[BodyPart, int]] = []
         self._furniture(floor_m, with_table=robot.floor_m is None)
         self.place(dict(robot.rest), None)

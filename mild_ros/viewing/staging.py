@@ -54,6 +54,11 @@ class Staged:
     motions: tuple[MotionWindow, ...]
     start_ns: int
 
+    def nearest(self) -> tuple[float, float]:
+        """When hand and tool are nearest to each other [s], and how near [m]."""
+        frame = int(np.argmin(self.gap_m))
+        return float(self.times_s[frame]), float(self.gap_m[frame])
+
     def seconds(self, stamp_ns: int) -> float:
         """Of a stamp, since the first frame."""
         return (stamp_ns - self.start_ns) * 1e-9
@@ -82,7 +87,7 @@ def stage(run: RecordedRun, perception: Perception, manifest: Manifest, robot: R
         problem = "shows nobody who stands still for a second" if whole else "never shows a whole person"
         raise BagError(str(run.path), problem, "there is nothing to show; plots need less")
     interaction = main_interaction(run.motions)
-    placement = place_person(calibration, manifest, interaction)
+    placement = place_person(calibration, manifest, interaction, perception.settings.robot_from_source)
     placed = tuple(placement.places(person) for person in whole)
     floor_m = floor_height(placed) if robot.floor_m is None else robot.floor_m
     bodies = stood_on(placed, floor_m)

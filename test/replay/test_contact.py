@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +12,19 @@ import pytest
 
 from mild_core.learning.datasets.buetepage_hr import BUETEPAGE_HR
 from mild_core.pipeline import Pipeline
-from mild_core.retargeting.stage import Retargeting
+from mild_core.retargeting.robots.pepper import PEPPER
 from mild_ros.assembly.inference import load
+from mild_ros.assembly.perception import skeleton_source
 from mild_ros.assembly.pipeline import make_pipeline
 from mild_ros.assembly.retargeting import make_retargeting
-from mild_ros.scenes import RATE_HZ, SCENES, arm_track
+from mild_ros.replay import Inputs, replay_in_process
+from mild_ros.report import used_limits
+from mild_ros.scenes import RATE_HZ, ROCKET_KNEELING, SCENES, arm_track
 from mild_ros.settings import PipelineParameters
-from test.bench.contact import ROBOT, Story, play, story
+from mild_ros.viewing.recorded import read_run
+from mild_ros.viewing.staging import stage
+from test.bench.contact import ROBOT, Episode, Story, play, story
+from test.conftest import ROOT
 from test.core.retargeting.limits import check_limits
 
 TOUCHING = ("handshake", "rocket", "parachute")
@@ -27,8 +35,20 @@ def pipeline() -> Pipeline:
     return make_pipeline(PipelineParameters(), load(PipelineParameters().model))
 
 
-def _check(retargeting: Retargeting, told: Story) -> None:
-    episode = play(retargeting, told)
+@pytest.fixture(scope="module")
+def generated(pipeline: Pipeline) -> Callable[[str], tuple[Story, Episode]]:
+    """What a scene tells retargeting and what comes of it, once for all tests."""
+
+    @cache
+    def told(interaction: str) -> tuple[Story, Episode]:
+        scene = next(scene for scene in SCENES if scene.name == interaction)
+        made = story(pipeline, arm_track(scene), RATE_HZ, interaction)
+        return made, play(pipeline.retargeting, made)
+
+    return told
+
+
+def _check(episode: Episode) -> None:
     apart_m = episode.apart_m()
     assert len(apart_m) > 30, "the person's hand is within reach for a while"
     assert np.median(apart_m) < 0.02
@@ -37,9 +57,10 @@ def _check(retargeting: Retargeting, told: Story) -> None:
 
 
 @pytest.mark.parametrize("interaction", TOUCHING)
-def test_hands_of_generated_people_and_the_robot_meet(pipeline: Pipeline, interaction: str) -> None:
-    scene = next(scene for scene in SCENES if scene.name == interaction)
-    _check(pipeline.retargeting, story(pipeline, arm_track(scene), RATE_HZ, interaction))
+def test_hands_of_generated_people_and_the_robot_meet(
+    generated: Callable[[str], tuple[Story, Episode]], interaction: str
+) -> None:
+    _check(generated(interaction)[1])
 
 
 @pytest.mark.parametrize("interaction", TOUCHING)
@@ -47,12 +68,31 @@ def test_hands_of_recorded_people_and_the_robot_meet(pipeline: Pipeline, mild_da
     trials = BUETEPAGE_HR.read(mild_data / BUETEPAGE_HR.file).train
     # The last but one: the parachute and the handshake in which the person is the quickest.
     trial = [trial for trial in trials if trial.interaction == interaction][-2]
-    _check(pipeline.retargeting, story(pipeline, trial.observed_m, trial.rate_hz, interaction))
+    _check(play(pipeline.retargeting, story(pipeline, trial.observed_m, trial.rate_hz, interaction)))
 
 
-def test_before_the_approach_the_motion_is_the_learned_one(pipeline: Pipeline) -> None:
-    scene = next(scene for scene in SCENES if scene.name == "parachute")
-    told = story(pipeline, arm_track(scene), RATE_HZ, "parachute")
+def test_before_the_approach_the_motion_is_the_learned_one(
+    generated: Callable[[str], tuple[Story, Episode]],
+) -> None:
+    told, episode = generated("parachute")
     model = load(PipelineParameters().model)
     learned = play(make_retargeting(PipelineParameters(ik="off"), model.manifest), told)
-    assert play(pipeline.retargeting, told).before_deg(learned) < 5.0
+    assert episode.before_deg(learned) < 5.0
+
+
+def test_a_person_on_one_knee_and_pepper_raise_their_fists_together(tmp_path: Path) -> None:
+    parameters = PipelineParameters(model="pepper_nuisi_next", robot="pepper")
+    model = load(parameters.model)
+    whole, source = make_pipeline(parameters, model), skeleton_source(parameters)
+    replay_in_process(
+        ROOT / "bags" / ROCKET_KNEELING.name, whole, Inputs(source, PEPPER), tmp_path / "a", rate_hz=100.0
+    )
+    run = read_run(tmp_path / "a", source)
+    staged = stage(run, whole.perception, model.manifest, PEPPER)
+    assert staged.interaction == "rocket"
+    together = staged.gap_m < 0.02
+    # They stay together for 2.7 s, and rise by 19 cm meanwhile; the bounds leave a quarter.
+    assert together.sum() / RATE_HZ > 2.0
+    assert np.ptp(staged.hand_m[together, 2]) > 0.14
+    assert run.commands is not None
+    assert used_limits(run.commands, PEPPER).kept

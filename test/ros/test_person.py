@@ -21,8 +21,10 @@ from mild_ros.simulation.person import (
     ArmLengths,
     Camera,
     bodies,
+    kneeling,
     looking_at,
     skeleton_frames,
+    with_fist,
     with_neutral_second,
 )
 from mild_ros.viewing.placing import floor_height, stood_on
@@ -149,3 +151,31 @@ def test_who_is_drawn_beside_a_robot_on_the_floor_stands_on_it_too() -> None:
         for before, after in zip(frames, stood, strict=True):
             np.testing.assert_array_equal(after["right_hand"], before["right_hand"])
             assert after["left_hip"][2] > after["left_knee"][2] > after["left_ankle"][2]
+
+
+def test_whose_shoulders_are_as_low_as_peppers_is_drawn_on_one_knee() -> None:
+    frames = [dict(zip(BODY_JOINTS, body, strict=True)) for body in bodies(swing(at_rate(RATE_HZ, 0.2)))]
+    floor_m = floor_height(frames) + 0.635
+    knelt = stood_on(frames, floor_m)
+    assert floor_height(knelt) == pytest.approx(floor_m, abs=1e-9)
+    for before, after in zip(frames, knelt, strict=True):
+        np.testing.assert_array_equal(after["right_hand"], before["right_hand"])
+        assert after["right_knee"][2] - floor_m < 0.1 < after["left_knee"][2] - floor_m
+        # Bones of a whole adult, not of one with legs cut short.
+        assert np.linalg.norm(after["right_knee"] - after["right_hip"]) == pytest.approx(0.42, abs=0.03)
+
+
+def test_a_person_who_kneels_keeps_trunk_arm_and_bones() -> None:
+    standing = bodies(swing(at_rate(RATE_HZ, 0.2)))
+    knelt = with_fist(kneeling(standing))
+
+    def bone(body: FloatArray, start: str, end: str) -> float:
+        return float(np.linalg.norm(body[0, BODY_JOINTS.index(end)] - body[0, BODY_JOINTS.index(start)]))
+
+    for name in ("head", "pelvis", "right_hand", "left_shoulder"):
+        np.testing.assert_array_equal(knelt[:, BODY_JOINTS.index(name)], standing[:, BODY_JOINTS.index(name)])
+    for side in ("left", "right"):
+        for start, end in (("hip", "knee"), ("knee", "ankle"), ("shoulder", "elbow"), ("elbow", "wrist")):
+            names = (f"{side}_{start}", f"{side}_{end}")
+            assert bone(knelt, *names) == pytest.approx(bone(standing, *names), abs=0.02)
+    assert bone(knelt, "right_hand", "right_hand_tip") == pytest.approx(0.027)

@@ -82,6 +82,7 @@ PEPPER_NUISI = replace(
     NUISI,
     name="pepper_nuisi",
     title="NuiSI: two people, the second one as a Pepper robot",
+    touching=("handshake", "rocket", "parachute"),
     robot="pepper",
     controlled_names=("RShoulderPitch", "RShoulderRoll", "RElbowYaw", "RElbowRoll"),
     read=read,
