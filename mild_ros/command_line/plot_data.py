@@ -21,8 +21,9 @@ if TYPE_CHECKING:
     from mild_core.learning.recording import Recording
     from mild_core.learning.windows import Protocol
 
-PARTNER_AWAY_M = 0.9
-"""How far a partner is drawn from the person: recordings of two people do not tell."""
+PARTNER_AT_M = (0.9, 0.37, 0.0)
+"""Where a partner's right shoulder is drawn, seen from the person's: recordings of two people do not tell. Face to face
+one's right is the other's left, and shoulders are 0.37 m apart."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +153,7 @@ def _lengthened(arm: FloatArray, lengths_m: tuple[float, float] | None) -> Float
 def _other_arm(seen: Watched, controlled: FloatArray) -> FloatArray:
     """(T, M, 3) the other's arm in the person's arm frame [m], whose x axis points at the other."""
     if seen.recording.unit.squared == "m^2":
-        return np.array([PARTNER_AWAY_M, 0.0, 0.0]) + controlled * np.array([-1.0, -1.0, 1.0])
+        return np.array(PARTNER_AT_M) + controlled * np.array([-1.0, -1.0, 1.0])
     from mild_core.retargeting.kinematics import read_tree
     from mild_core.retargeting.robots import ROBOTS
 

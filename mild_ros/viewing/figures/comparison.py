@@ -8,11 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from mild_ros.viewing.figures.style import BLUE, GREY, INK, PAGE_IN, VERMILION, counted, figure, rule, spoken
 
 OURS, BAR = "mild", "kernel_ridge"
+BAR_DASHES = (0, (3, 2))
 UNITS = {"rad^2": "rad²", "m^2": "m²"}
 
 
@@ -27,7 +29,7 @@ def draw_comparison(table: Mapping[str, Any], path: Path) -> None:
     names = list(rows[0]["interactions"])
     title = f"{table['dataset']}, protocol {table['protocol']}: {table['folds']} folds, "
     title += counted(table["seeds"], "seed")
-    with figure(PAGE_IN, 0.75 + 0.19 * len(rows), path, title) as made:
+    with figure(PAGE_IN, 0.95 + 0.19 * len(rows), path, title) as made:
         panels = made.subplots(1, 1 + len(names), sharey=True, width_ratios=(2.6, *[1.0] * len(names)))
         for axes, name in zip(panels, ("", *names), strict=True):
             for place, row in enumerate(rows):
@@ -42,8 +44,18 @@ def draw_comparison(table: Mapping[str, Any], path: Path) -> None:
             axes.tick_params(axis="y", length=0)
             _mark_bar(axes, rows, name)
         panels[0].set_yticks(range(len(rows)), [_name(row) for row in rows])
+        made.legend(handles=_legend(), loc="outside lower right", ncols=3)
         for label, row in zip(panels[0].get_yticklabels(), rows, strict=True):
             label.set_fontweight("bold" if row["method"] == OURS else "normal")
+
+
+def _legend() -> list[Line2D]:
+    """What the lines mean."""
+    return [
+        Line2D([], [], color=GREY, lw=1.0, label="95 % over draws of trials"),
+        Line2D([], [], color=GREY, lw=3.5, alpha=0.45, label="± a deviation over seeds"),
+        Line2D([], [], color=VERMILION, lw=0.8, ls=BAR_DASHES, label=f"{spoken(BAR)}, told"),
+    ]
 
 
 LABELS = {"given": "told", "recognised": "recognising", "unknown": "not told"}
@@ -79,4 +91,4 @@ def _mark_bar(axes: Axes, rows: list[Mapping[str, Any]], name: str) -> None:
         if row["method"] == BAR:
             error = row["interactions"][name]["mse"] if name else row["macro_mean"]
             if error is not None:
-                axes.axvline(error, color=VERMILION, lw=0.8, ls=(0, (3, 2)), zorder=0)
+                axes.axvline(error, color=VERMILION, lw=0.8, ls=BAR_DASHES, zorder=0)

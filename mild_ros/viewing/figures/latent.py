@@ -40,7 +40,7 @@ def draw_latent_spaces(agents: Mapping[str, Mapping[str, LatentSpace]], path: Pa
 
     Args:
         agents: By what the row is called, then by interaction. All panels of a row show the same plane, the one in
-            which that agent's latents vary most.
+            which that agent's latents vary most: by their first two principal directions.
         path: Of the figure.
         title: Above it.
     """
@@ -53,7 +53,9 @@ def draw_latent_spaces(agents: Mapping[str, Mapping[str, LatentSpace]], path: Pa
             origin, plane = _plane([track for space in spaces.values() for track in space.tracks])
             for axes, space in zip(row, spaces.values(), strict=True):
                 drawn = _panel(axes, space, origin, plane)
-            row[0].set_ylabel(agent)
+            row[0].set_ylabel(f"{agent}: second direction")
+        for axes in panels[-1]:
+            axes.set_xlabel("first direction")
         bar = made.colorbar(drawn, ax=panels, aspect=40, pad=0.01)
         bar.set_label("share of the trial")
         bar.outline.set_visible(False)  # type: ignore[operator]  # a patch

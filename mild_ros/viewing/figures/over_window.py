@@ -28,7 +28,7 @@ def draw_over_window(
     """
     name, scale = unit
     rng = np.random.default_rng(0)
-    with figure(COLUMN_IN, 2.5, path, title) as made:
+    with figure(COLUMN_IN, 2.9, path, title) as made:
         axes = made.subplots()
         for colour, (interaction, squared) in zip(SERIES, errors.items(), strict=False):
             drawn = squared[rng.integers(len(squared), size=(DRAWS, len(squared)))].mean(axis=1)
@@ -44,4 +44,4 @@ def draw_over_window(
         axes.set_xlabel("time after the newest frame seen [s]")
         axes.set_ylabel(f"root mean squared error [{name}]")
         rule(axes)
-        axes.legend(ncols=2, loc="upper center", bbox_to_anchor=(0.5, -0.22))
+        made.legend(ncols=2, loc="outside lower center")

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from mild_core.shapes import FloatArray
 from mild_ros.viewing.figures.style import BLUE, GREY, ORANGE, PAGE_IN, figure, rule
 
-VIEWS = {"side": (0, 2), "top": (0, 1)}
+VIEWS = {"side\nup [m]": (0, 2), "top\nleft [m]": (0, 1)}
 """Which axes are seen: x is from the person towards the other."""
 
 
@@ -40,7 +40,7 @@ def draw_skeletons(moments: Sequence[Moment], path: Path, title: str) -> None:
     low, high = points.min(axis=0) - 0.06, points.max(axis=0) + 0.06
     spans = [high[up] - low[up] for _, up in VIEWS.values()]
     width = (PAGE_IN - 0.6) / len(moments)
-    height = sum(spans) / (high[0] - low[0]) * width + 1.1
+    height = sum(spans) / (high[0] - low[0]) * width + 1.4
     with figure(PAGE_IN, float(height), path, title) as made:
         panels = made.subplots(len(VIEWS), len(moments), sharex=True, sharey="row", height_ratios=spans, squeeze=False)
         for row, (view, axes_seen) in zip(panels, VIEWS.items(), strict=True):
@@ -50,11 +50,12 @@ def draw_skeletons(moments: Sequence[Moment], path: Path, title: str) -> None:
                 axes.set_ylim(low[axes_seen[1]], high[axes_seen[1]])
                 axes.set_aspect("equal")
                 rule(axes)
-            row[0].set_ylabel(f"{view} [m]")
+            row[0].set_ylabel(view)
+        made.supxlabel("from the person towards the other [m]", fontsize=8)
         for axes, moment in zip(panels[0], moments, strict=True):
             axes.set_title(f"{moment.time_s:.1f} s")
         handles, labels = panels[0][0].get_legend_handles_labels()
-        made.legend(handles, labels, loc="outside lower center", ncols=3)
+        made.legend(handles, labels, loc="outside upper right", ncols=3)
 
 
 def _arms(axes: Axes, moment: Moment, seen: list[int]) -> None:

@@ -13,17 +13,17 @@ UNITS = {"rad^2": ("rad²", r"rad$^2$"), "m^2": ("m²", r"m$^2$")}
 
 
 def _cells(table: Mapping[str, Any]) -> tuple[list[str], list[list[str]]]:
-    """Names of the methods, and a line per interaction; the last is over all of them."""
+    """Names of the columns, and a line per method; its last column is over all interactions."""
     rows = table["methods"]
-    methods = [f"{row['title']}, {row['labels']}" for row in rows]
     lines = [
         [
-            spoken(name),
-            *(_error(row["interactions"][name]["mse"], row["interactions"][name]["mse_std"]) for row in rows),
+            f"{row['title']}, {row['labels']}",
+            *(_error(one["mse"], one["mse_std"]) for one in row["interactions"].values()),
+            _error(row["macro_mean"], row["macro_std"]),
         ]
-        for name in rows[0]["interactions"]
+        for row in rows
     ]
-    return methods, [*lines, ["all (± over seeds)", *(_error(row["macro_mean"], row["macro_std"]) for row in rows)]]
+    return [*map(spoken, rows[0]["interactions"]), "all (± over seeds)"], lines
 
 
 def _error(mean: float | None, spread: float | None) -> str:
@@ -39,25 +39,24 @@ def _caption(table: Mapping[str, Any]) -> str:
 
 def as_markdown(table: Mapping[str, Any]) -> str:
     """A Markdown table; the errors' unit stands in its first cell."""
-    methods, lines = _cells(table)
-    head = [f"[{UNITS[table['unit']][0]}]", *methods]
-    rows = [head, ["---", *["---:"] * len(methods)], *lines]
+    columns, lines = _cells(table)
+    head = [f"[{UNITS[table['unit']][0]}]", *columns]
+    rows = [head, ["---", *["---:"] * len(columns)], *lines]
     return _caption(table) + "\n\n" + "".join(f"| {' | '.join(row)} |\n" for row in rows)
 
 
 def as_latex(table: Mapping[str, Any]) -> str:
-    """A `table` in the manner of booktabs."""
-    methods, lines = _cells(table)
-    body = [" & ".join([f"[{UNITS[table['unit']][1]}]", *map(_escaped, methods)]) + r" \\ \midrule"]
-    body += [" & ".join(_escaped(cell).replace("±", PLUS_MINUS) for cell in line) + r" \\" for line in lines]
-    body.insert(-1, r"\midrule")
-    caption = _escaped(_caption(table)).replace("±", PLUS_MINUS)
-    head = [r"\begin{table}", rf"\caption{{{caption}}}", rf"\begin{{tabular}}{{l{'r' * len(methods)}}}", r"\toprule"]
-    return "\n".join([*head, *body, r"\bottomrule", r"\end{tabular}", r"\end{table}", ""])
+    """A `table` over both columns of a page, in the manner of booktabs."""
+    columns, lines = _cells(table)
+    body = [" & ".join([f"[{UNITS[table['unit']][1]}]", *map(_escaped, columns)]) + r" \\ \midrule"]
+    body += [" & ".join(map(_escaped, line)) + r" \\" for line in lines]
+    head = [r"\begin{table*}", r"\centering\small", rf"\caption{{{_escaped(_caption(table))}}}"]
+    head += [rf"\begin{{tabular}}{{l{'r' * len(columns)}}}", r"\toprule"]
+    return "\n".join([*head, *body, r"\bottomrule", r"\end{tabular}", r"\end{table*}", ""])
 
 
 def _escaped(text: str) -> str:
-    return text.replace("_", r"\_").replace("%", r"\%").replace("&", r"\&")
+    return text.replace("_", r"\_").replace("%", r"\%").replace("&", r"\&").replace("±", PLUS_MINUS)
 
 
 LAYOUTS: Mapping[str, Callable[[Mapping[str, Any]], str]] = {".tex": as_latex, ".md": as_markdown}
