@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from mild_core.inference.stage import Inference, InferenceState
+from mild_core.inference.stage import Inference
+from mild_core.inference.state import InferenceState
 from mild_core.perception.stage import Perception, PerceptionState
 from mild_core.retargeting.stage import Request, Retargeting, RetargetingState
 from mild_core.signals import FeatureWindow, JointCommand, JointMeasurement, MotionWindow, PersonPose, SkeletonFrame
@@ -55,8 +56,11 @@ class Pipeline:
     def step(self, state: PipelineState, given: PipelineInput, now_ns: int) -> tuple[PipelineState, PipelineOutput]:
         """Take one input at time `now_ns` and return the next state and what came of it."""
         if not isinstance(given, tuple):
+            inference = state.inference
+            if isinstance(given, JointMeasurement):
+                inference, _ = self.inference.step(inference, given, now_ns)
             retargeting, commands = self.retargeting.step(state.retargeting, given, now_ns)
-            return replace(state, retargeting=retargeting), PipelineOutput(commands=commands)
+            return replace(state, inference=inference, retargeting=retargeting), PipelineOutput(commands=commands)
         perception, windows = self.perception.step(state.perception, given, now_ns)
         inference = state.inference
         motions: tuple[MotionWindow, ...] = ()

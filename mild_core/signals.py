@@ -12,6 +12,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
+from mild_core.errors import DataError
 from mild_core.shapes import FloatArray, read_only, require_shape
 
 ARM_FRAME = "arm"
@@ -160,6 +163,21 @@ class JointMeasurement:
     def __post_init__(self) -> None:
         object.__setattr__(self, "positions_rad", read_only(self.positions_rad))
         require_shape("positions_rad", self.positions_rad, (len(self.joint_names),))
+
+    def of(self, joint_names: tuple[str, ...]) -> FloatArray:
+        """(J,) positions of these joints [rad], in this order; it may hold others too.
+
+        Raises:
+            DataError: One is missing, or not finite.
+        """
+        places = {name: place for place, name in enumerate(self.joint_names)}
+        missing = [name for name in joint_names if name not in places]
+        if missing:
+            raise DataError("joints_missing", f"it tells nothing of {', '.join(missing)}")
+        positions = self.positions_rad[[places[name] for name in joint_names]]
+        if not np.isfinite(positions).all():
+            raise DataError("not_finite", "a joint's position is NaN or infinite")
+        return read_only(positions)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,11 @@ from dataclasses import dataclass
 
 from mild_ros.parameters import parameter
 
+ROBOT_JOINT_NAMES: tuple[str, ...] = parameter(
+    (),
+    "The robot's own names of its joints, on commands and on `joint_states`, in our order; empty if they are ours.",
+)
+
 
 @dataclass(frozen=True)
 class ControllerParameters:
@@ -17,10 +22,7 @@ class ControllerParameters:
         "Commands beside `joint_command`: any of `joint_trajectory` (JointTrajectoryController), `position_command` "
         "(forward_command_controller) and `joint_angles` (naoqi_driver).",
     )
-    robot_joint_names: tuple[str, ...] = parameter(
-        (),
-        "The robot's own names of its joints, on commands and on `joint_states`, in our order; empty if they are ours.",
-    )
+    robot_joint_names: tuple[str, ...] = ROBOT_JOINT_NAMES
     position_order: tuple[str, ...] = parameter(
         (), "Names of the joints in the order of `position_command`; empty for that of `joint_command`."
     )

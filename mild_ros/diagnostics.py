@@ -23,7 +23,7 @@ REPEAT_S = 5.0
 
 UNREMARKABLE = {
     "perception": {"accepted", "calibrating", "calibrated", "nobody"},
-    "inference": {"accepted"},
+    "inference": {"accepted", "measured"},
     "retargeting": {"accepted", "tick", "measured", "person", "not_enabled"}
     | {"enabled", "disabled", "reset", "held", "released"},
 }

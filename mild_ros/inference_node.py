@@ -4,23 +4,24 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 from typing import Any
 
 from rclpy.node import Node
-from sensor_msgs.msg import PointCloud2
+from sensor_msgs.msg import JointState, PointCloud2
 
 from mild_core.errors import DataError
 from mild_ros.assembly.inference import load, make_inference
 from mild_ros.clock import NodeClock
 from mild_ros.diagnostics import Diagnostics
 from mild_ros.fates import Fates
+from mild_ros.joint_naming import joint_naming
 from mild_ros.messages.feature_window import feature_window_from_msg
+from mild_ros.messages.joint_state import joint_measurement_from_msg
 from mild_ros.messages.stamps import ns_from_msg
 from mild_ros.motion_topics import MotionTopics
 from mild_ros.operator_services import OperatorServices
 from mild_ros.parameters import declare
-from mild_ros.quality_of_service import BETWEEN_STAGES
+from mild_ros.quality_of_service import BETWEEN_STAGES, SENSOR
 from mild_ros.running import run
 from mild_ros.settings import InferenceParameters
 
@@ -42,6 +43,9 @@ class InferenceNode(Node):
         self._time = NodeClock(self, self._diagnostics)
         self._operator = OperatorServices(self, self._diagnostics, self._reset)
         self.create_subscription(PointCloud2, "feature_window", self._on_window, BETWEEN_STAGES)
+        ours = model.manifest.controlled.joint_names
+        self._naming = joint_naming(ours, parameters.robot_joint_names if model.start_pose else ())
+        self.create_subscription(JointState, "joint_states", self._on_joint_states, SENSOR)
         self.get_logger().info(f"{parameters.model} knows {', '.join(model.manifest.interactions)}")
 
     def _on_window(self, message: Any) -> None:
@@ -67,8 +71,21 @@ class InferenceNode(Node):
         self._diagnostics.took("step", time.perf_counter_ns() - started_ns)
         self._diagnostics.ended("inference", self._state.outcome, self._state.counts)
 
+    def _on_joint_states(self, message: Any) -> None:
+        now_ns, stamp_ns = self._time.now_ns(), ns_from_msg(message.header.stamp)
+        self._diagnostics.flowed("joint_states")
+        try:
+            measurement = self._naming.understood(joint_measurement_from_msg(message))
+        except DataError as error:
+            self._diagnostics.unreadable("joint_states", error.reason, error.detail)
+            self._fates.report("inference", 0, error.reason, stamp_ns)
+            return
+        self._state, _ = self._stage.step(self._state, measurement, now_ns)
+        self._fates.report("inference", 0, self._state.outcome, stamp_ns)
+        self._diagnostics.ended("inference", self._state.outcome, self._state.counts, self._state.detail)
+
     def _reset(self) -> str:
-        self._state = replace(self._stage.init(), counts=self._state.counts)
+        self._state = self._stage.afresh(self._state)
         return "forgot what it believed"
 
 

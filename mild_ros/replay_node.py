@@ -51,7 +51,7 @@ class ReplayNode(Node):
         events = with_ticks(events, given.control_rate_hz) if ticking else events
         self._sender: LockStep | RealTime
         if self._in_lock_step:
-            self._sender = LockStep(events, self._topics.send, self._topics.tick, given.patience_s)
+            self._sender = LockStep(events, self._topics.send, self._topics.tick, given.patience_s, given.reporters)
         else:
             restamped = self._bag if given.restamp and not given.clock else None
             self._sender = RealTime(events, self._topics.send, self._topics.tick, given.rate, restamped)

@@ -16,7 +16,7 @@ from mild_core.errors import DataError, SetupError
 from mild_ros.bags import BagReader
 from mild_ros.encoding import restamped
 from mild_ros.messages.handled import Handled
-from mild_ros.replay_events import SKELETON, TAKEN, TICK, Event
+from mild_ros.replay_events import JOINT_STATES, SKELETON, TAKEN, TICK, Event
 
 FIRST = ("perception", "pipeline")
 """Stages that take skeletons: nothing that comes of one is all handled before they say so."""
@@ -43,6 +43,7 @@ class LockStep:
         send: Publishes bytes on an input.
         tick: Publishes `/clock` [ns].
         patience_s: How long to wait for an answer.
+        reporters: How many nodes report. Where there are several, two of them take the robot's own state.
 
     Attributes:
         period_s: How often to ask `is_due`.
@@ -51,8 +52,16 @@ class LockStep:
 
     period_s = 0.05
 
-    def __init__(self, events: Iterator[Event], send: Send, tick: Callable[[int], None], patience_s: float) -> None:
+    def __init__(
+        self,
+        events: Iterator[Event],
+        send: Send,
+        tick: Callable[[int], None],
+        patience_s: float,
+        reporters: int = 1,
+    ) -> None:
         self.sent = 0
+        self._measuring = min(reporters, 2)
         self._events, self._send, self._tick, self._patience_s = events, send, tick, patience_s
         self._event: Event | None = None
         self._tokens = 0
@@ -67,7 +76,8 @@ class LockStep:
             self._event = next(self._events, None)
         if self._event is None:
             return False
-        self._tokens, self._begun = 1, self._event.input != SKELETON
+        self._tokens = self._measuring if self._event.input == JOINT_STATES else 1
+        self._begun = self._event.input != SKELETON
         self._since_s = self._repeated_s = time.monotonic()
         self._tick(self._event.time_ns)
         if self._event.message is not None:

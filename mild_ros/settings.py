@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from mild_core.perception.settings import PerceptionSettings
 from mild_core.retargeting.settings import MIXES, RetargetingSettings
-from mild_ros.controller_settings import ControllerParameters
+from mild_ros.controller_settings import ROBOT_JOINT_NAMES, ControllerParameters
 from mild_ros.marker_settings import MarkersParameters
 from mild_ros.parameters import parameter
 from mild_ros.tracker_settings import TrackerParameters
@@ -72,6 +72,7 @@ class InferenceParameters:
 
     model: str = _MODEL
     interaction: str = parameter("auto", "An interaction of the model, or `auto` to recognise it.")
+    robot_joint_names: tuple[str, ...] = ROBOT_JOINT_NAMES
     report_handled: bool = _REPORT_HANDLED
 
 

@@ -137,6 +137,7 @@ class Manifest:
         latent_size: Of each agent: Q.
         stride: S copies of everything that remembers take turns, so that each sees every S-th window.
         interactions: P names, in the order of all arrays.
+        rest_s: How long people rested before their motion in the recordings, see `resting`; 0: nobody knows [s].
         past_s: T time constants of the fading means of positions, see `past` [s].
         prior: Kind and sizes.
         members: Networks by name, one mapping per member of the ensemble.
@@ -161,6 +162,7 @@ class Manifest:
     robot_from_human: HumanPlacement
     stride: int = 1
     past_s: tuple[float, ...] = ()
+    rest_s: float = 0.0
     training: Mapping[str, Any] = field(default_factory=dict)
     errors: Mapping[str, Any] = field(default_factory=dict)
     sha256: Mapping[str, str] = field(default_factory=dict)

@@ -77,6 +77,7 @@ def parse_manifest(fields: Fields) -> Manifest:
         latent_size=fields.integer("latent_size", 1, 64),
         stride=fields.integer("stride", 1, 64) if "stride" in fields.values else 1,
         past_s=_past(fields),
+        rest_s=fields.number("rest_s", 0.0, 100.0) if "rest_s" in fields.values else 0.0,
         interactions=interactions,
         prior=_prior(fields.object("prior")),
         members=tuple(_member(member) for member in fields.objects("members", 16)),

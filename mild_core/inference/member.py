@@ -158,6 +158,18 @@ class ReadyMember:
         return Generated(motion, covariance, weights, phase)
 
 
+def combined(generated: Sequence[Generated]) -> Generated:
+    """Means of the members' parts; the covariance also holds how far their windows disagree."""
+    if len(generated) == 1:
+        return generated[0]
+    motions = np.stack([part.motion for part in generated])
+    motion = motions.mean(axis=0)
+    apart = (motions - motion).reshape(-1, motion.shape[1])
+    covariance = np.mean([part.covariance for part in generated], axis=0) + apart.T @ apart / len(apart)
+    weights = np.mean([part.weights for part in generated], axis=0)
+    return Generated(motion, covariance, weights, sum(part.phase for part in generated) / len(generated))
+
+
 def make_ready(member: Member, considered: Sequence[int], residual_covariance: FloatArray) -> ReadyMember:
     """Lay a member out for the compiled step.
 

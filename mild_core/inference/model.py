@@ -89,7 +89,7 @@ def save_model(folder: Path, manifest: Manifest, arrays: Arrays, report: str) ->
 def _stored(name: str, array: NDArray[Any]) -> NDArray[Any]:
     """Networks in single precision, as they run, and matrices of what answers or judges beside them; else double."""
     network = name.startswith("member_") and ".prior." not in name and name.count(".") == 3
-    single = network or (name.startswith(("territory.", "radial_basis.")) and array.ndim == 2)
+    single = network or (name.startswith(("territory.", "reservoir.")) and array.ndim >= 2)
     return np.asarray(array, dtype=np.float32 if single else np.float64)
 
 

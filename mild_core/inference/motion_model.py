@@ -16,7 +16,8 @@ from mild_core.inference.member import Member, spread_operators
 from mild_core.inference.networks import Network, build_network
 from mild_core.inference.priors import PRIORS
 from mild_core.inference.priors.prior import Prior
-from mild_core.inference.radial_basis import RadialBasis, take_radial_basis
+from mild_core.inference.reservoir import Reservoir, take_reservoir
+from mild_core.inference.start_pose import StartPose, take_start_pose
 from mild_core.inference.territory import Territory, take_territory
 from mild_core.shapes import FloatArray, read_only
 
@@ -38,7 +39,8 @@ class MildModel:
         forgetting: Share of the evidence that is kept from one frame to the next.
         covariance_scale: (P,) what the published covariance is multiplied with while an interaction goes on, so that
             its 90 % region holds nine true values of ten; by cross-validation, see `learning.calibration`.
-        radial_basis: What answers beside the members; None: they answer alone.
+        reservoir: What answers beside the members; None: they answer alone.
+        start_pose: What the robot's pose at the start tells; None: nothing.
         territory: Where the known interactions' windows lie; None: their members alone tell what is unknown.
     """
 
@@ -49,7 +51,8 @@ class MildModel:
     forgetting: float
     covariance_scale: FloatArray
     territory: Territory | None = None
-    radial_basis: RadialBasis | None = None
+    reservoir: Reservoir | None = None
+    start_pose: StartPose | None = None
 
 
 def build_model(manifest: Manifest, arrays: Arrays) -> MildModel:
@@ -59,8 +62,8 @@ def build_model(manifest: Manifest, arrays: Arrays) -> MildModel:
         manifest: Says which arrays there are.
         arrays: `member_<i>.<network>.<layer>.<array>`, `member_<i>.prior.<interaction>.<array>`,
             `member_<i>.latent_radius`, and where there is such a network `member_<i>.distance.centres` and `.radii`;
-            `residual_covariance`; `covariance_scale`, `recognition` (temper, forgetting), `territory.<array>` and
-            `radial_basis.<array>`, which may be left out.
+            `residual_covariance`; `covariance_scale`, `recognition` (temper, forgetting), `territory.<array>`,
+            `reservoir.<array>` and `start_pose.<array>`, which may be left out.
 
     Raises:
         ModelError: An array is missing, of another shape, not finite or not what the manifest says; it is named.
@@ -82,10 +85,13 @@ def build_model(manifest: Manifest, arrays: Arrays) -> MildModel:
         territory = None
         if any(name.startswith("territory.") for name in arrays):
             territory = take_territory(taken.array, manifest.window * manifest.frame_values, interactions)
-        radial_basis = None
-        if any(name.startswith("radial_basis.") for name in arrays):
-            question = manifest.window * manifest.frame_values + manifest.past_values
-            radial_basis = take_radial_basis(taken.array, question, manifest.window * size, interactions)
+        reservoir = None
+        if any(name.startswith("reservoir.") for name in arrays):
+            positions = 3 * len(manifest.observed.joint_names)
+            reservoir = take_reservoir(taken.array, positions, manifest.window * size, interactions)
+        start_pose = None
+        if any(name.startswith("start_pose.") for name in arrays):
+            start_pose = take_start_pose(taken.array, interactions, size)
         unknown = sorted(set(arrays) - taken.names)
         if unknown:
             raise ValueError(f"array {unknown[0][:80]} belongs to nothing in the manifest")
@@ -93,7 +99,7 @@ def build_model(manifest: Manifest, arrays: Arrays) -> MildModel:
         remedy = "take the folder as it was trained, or train it anew"
         raise ModelError(f"model {manifest.name}", str(error), remedy) from None
     rates = float(recognition[0]), float(recognition[1])
-    return MildModel(manifest, members, residual, *rates, scale, territory, radial_basis)
+    return MildModel(manifest, members, residual, *rates, scale, territory, reservoir, start_pose)
 
 
 class _Taken:

@@ -5,8 +5,9 @@
 
 Every window ends in exactly one outcome: `accepted`, or what is wrong with it: `wrong_joints`, `wrong_shape`,
 `not_finite`, `duplicate`. Beside them, events are counted that may come with any accepted window: `time_reset` (its
-stamp lies before the last one), `gap_reset` (more than a window was missed), `missed` (windows that never came),
-`unknown` (it is far from all that the model knows).
+stamp lies before the last one), `gap_reset` (more than a window was missed), `begun_anew` (the arm has come back to
+rest), `missed` (windows that never came), `unknown` (it is far from all that the model knows). The robot's own word of
+where it is ends as `measured`, or as what is wrong with it: `joints_missing`, `not_finite`.
 
 Source: Algorithm 2 of MILD.
 """
@@ -14,67 +15,28 @@ Source: Algorithm 2 of MILD.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from mild_core.errors import DataError, unknown_name
-from mild_core.inference.member import Generated, MemberState, ReadyMember, make_ready
+from mild_core.inference.member import Generated, MemberState, ReadyMember, combined, make_ready
 from mild_core.inference.motion_model import MildModel
 from mild_core.inference.past import fade, kept_per_frame
 from mild_core.inference.priors.filtering import UNDERFLOW
 from mild_core.inference.recognition import Recognition, given, recognise, undecided
+from mild_core.inference.resting import STILL_S, first_seen, is_back, is_waiting, watch
+from mild_core.inference.state import CopyState, InferenceState
 from mild_core.inference.stepping import Observed
 from mild_core.shapes import FloatArray, read_only
-from mild_core.signals import FeatureWindow, MotionWindow
+from mild_core.signals import FeatureWindow, JointMeasurement, MotionWindow
 
 AUTO = "auto"
 """Recognise the interaction instead of being told."""
 
 DECIDED = 0.5
 """Probability from which a recognised interaction is named."""
-
-
-@dataclass(frozen=True, eq=False)
-class CopyState:
-    """One of the S copies of what remembers; they take turns.
-
-    Attributes:
-        index: Number of the window that it saw last; -1 before the first.
-        members: One per member of the model.
-    """
-
-    index: int
-    members: tuple[MemberState, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class InferenceState:
-    """All that inference remembers.
-
-    Attributes:
-        counts: Windows by outcome, and events, since the start.
-        outcome: Of the newest window; "" before the first.
-        detail: Why that window was not used, for people; "" when it was.
-        stamp_ns: Of the newest accepted window; None before the first.
-        index: Its number since the start or the last reset.
-        copies: S of them.
-        recognition: Which interaction it is.
-        strayed: See `Territory.follow`; (0,) in a model without one.
-        past: (T, 3 J) see `past.fade`; None before the first window.
-    """
-
-    recognition: Recognition
-    copies: tuple[CopyState, ...]
-    strayed: FloatArray
-    past: FloatArray | None = None
-    counts: Mapping[str, int] = field(default_factory=dict)
-    outcome: str = ""
-    detail: str = ""
-    stamp_ns: int | None = None
-    index: int = -1
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +73,14 @@ class Inference:
     def _kept(self) -> FloatArray:
         return kept_per_frame(self.model.manifest.past_s, self.model.manifest.rate_hz)
 
+    @cached_property
+    def _rest_frames(self) -> int:
+        return round(self.model.manifest.rest_s * self.model.manifest.rate_hz)
+
+    @cached_property
+    def _still_frames(self) -> int:
+        return round(STILL_S * self.model.manifest.rate_hz)
+
     def init(self) -> InferenceState:
         """The state before the first window."""
         names = self.model.manifest.interactions
@@ -121,42 +91,49 @@ class Inference:
         strayed = read_only(np.zeros(0)) if territory is None else territory.init()
         return InferenceState(recognition, (copy,) * self.model.manifest.stride, strayed)
 
+    def afresh(self, state: InferenceState) -> InferenceState:
+        """The state with nothing remembered of the person."""
+        return replace(self.init(), start=state.start, counts=state.counts)
+
     def step(
-        self, state: InferenceState, window: FeatureWindow, now_ns: int
+        self, state: InferenceState, given: FeatureWindow | JointMeasurement, now_ns: int
     ) -> tuple[InferenceState, tuple[MotionWindow, ...]]:
-        """Take one window.
+        """Take one window, or the robot's word of where it is.
 
         Args:
             state: Before it.
-            window: At the model's rate.
+            given: A window at the model's rate; or a measurement, which counts while no person is there.
             now_ns: When it came; not used: inference lives in the time of the stamps.
 
         Returns:
-            The state after it, and the one motion window that answers it; none when it cannot be used.
+            The state after it, and the one motion window that answers a window; none when it cannot be used.
         """
+        if isinstance(given, JointMeasurement):
+            return self._measured(state, given), ()
         try:
-            self._check(state, window)
-            before, index, events = self._in_time(state, window.stamp_ns)
+            self._check(state, given)
+            before, index, events = self._in_time(state, given)
+            seen = self._seen(before, index, given)
             place = index % len(before.copies)
-            past = self._past(before, index, window)
-            found = self._observe(before, place, index, window, past)
+            found = self._observe(before, place, index, given, seen.past)
         except DataError as error:
-            return replace(
-                state, counts=_counted(state, {error.reason: 1}), outcome=error.reason, detail=error.detail
-            ), ()
+            return state.refused(error), ()
         recognition = self._recognise(before.recognition, found)
-        generated = [m.generate(seen, recognition.probabilities) for m, seen in zip(self._members, found, strict=True)]
-        strayed, strangeness = self._stray(before.strayed, window, found)
-        answer = self._beside(_combined(generated), window, past, recognition)
-        motion = self._motion(window, recognition, strangeness, answer)
-        events["accepted"] = 1
-        if strangeness > 1.0:
-            events["unknown"] = 1
-        copy = CopyState(index, tuple([MemberState(seen.context, seen.memory) for seen in found]))
-        copies = (*before.copies[:place], copy, *before.copies[place + 1 :])
-        counts = _counted(state, events)
-        state = InferenceState(recognition, copies, strayed, past, counts, "accepted", "", window.stamp_ns, index)
-        return state, (motion,)
+        generated = [m.generate(one, recognition.probabilities) for m, one in zip(self._members, found, strict=True)]
+        strayed, strangeness = self._stray(before.strayed, given, found)
+        answer = self._beside(combined(generated), given, seen, recognition)
+        motion = self._motion(given, recognition, strangeness, answer)
+        events = {**events, "accepted": 1, **({"unknown": 1} if strangeness > 1.0 else {})}
+        if seen.rest is not None and is_waiting(seen.rest, self._rest_frames):
+            seen = replace(before, past=seen.past, rest=seen.rest)
+        else:
+            copy = CopyState(index, tuple([MemberState(one.context, one.memory) for one in found]))
+            copies = (*before.copies[:place], copy, *before.copies[place + 1 :])
+            seen = replace(seen, recognition=recognition, copies=copies, index=index)
+        counts = state.counted(events)
+        return replace(seen, strayed=strayed, counts=counts, outcome="accepted", detail="", stamp_ns=given.stamp_ns), (
+            motion,
+        )
 
     def by_component(self, state: InferenceState, window: FeatureWindow) -> tuple[MotionWindow, ...]:
         """What each component of the likeliest interaction alone expects, for people to look at.
@@ -169,8 +146,8 @@ class Inference:
             DataError: The window cannot be used.
         """
         self._check(state, window)
-        before, index, _ = self._in_time(state, window.stamp_ns)
-        past = self._past(before, index, window)
+        before, index, _ = self._in_time(state, window)
+        past = self._seen(before, index, window).past
         found = self._observe(before, index % len(before.copies), index, window, past)
         recognition = self._recognise(before.recognition, found)
         motions = []
@@ -178,7 +155,7 @@ class Inference:
             sure = [seen._replace(weights=np.tile(alone, (len(seen.weights), 1))) for seen in found]
             label = recognition.probabilities
             generated = [m.generate(seen, label) for m, seen in zip(self._members, sure, strict=True)]
-            motions.append(self._motion(window, recognition, 0.0, _combined(generated)))
+            motions.append(self._motion(window, recognition, 0.0, combined(generated)))
         return tuple(motions)
 
     def _check(self, state: InferenceState, window: FeatureWindow) -> None:
@@ -193,35 +170,65 @@ class Inference:
         if window.stamp_ns == state.stamp_ns:
             raise DataError("duplicate", f"stamp {window.stamp_ns} came twice")
 
-    def _in_time(self, state: InferenceState, stamp_ns: int) -> tuple[InferenceState, int, dict[str, int]]:
+    def _in_time(self, state: InferenceState, window: FeatureWindow) -> tuple[InferenceState, int, dict[str, int]]:
         """The state to go on from, the number of the new window, and what happened."""
         if state.stamp_ns is None:
             return state, 0, {}
-        passed = max(1, round((stamp_ns - state.stamp_ns) / self._period_ns))
-        if stamp_ns < state.stamp_ns or passed > self.model.manifest.window:
-            return self.init(), 0, {"time_reset" if stamp_ns < state.stamp_ns else "gap_reset": 1}
+        passed = max(1, round((window.stamp_ns - state.stamp_ns) / self._period_ns))
+        if window.stamp_ns < state.stamp_ns or passed > self.model.manifest.window:
+            return self.afresh(state), 0, {"time_reset" if window.stamp_ns < state.stamp_ns else "gap_reset": 1}
+        if state.rest is not None and is_back(state.rest, self._still_frames):
+            return self.afresh(state), 0, {"begun_anew": 1}
         return state, state.index + passed, {"missed": passed - 1} if passed > 1 else {}
 
-    def _past(self, state: InferenceState, index: int, window: FeatureWindow) -> FloatArray:
-        """(T, 3 J) where the arm has been, this window included."""
-        positions = window.features[-1, : 3 * len(window.joint_names)]
-        return fade(state.past, positions, self._kept, index - state.index)
+    def _seen(self, state: InferenceState, index: int, window: FeatureWindow) -> InferenceState:
+        """The state with this window in all that remembers the arm's own motion: past, reservoir and rest."""
+        passed = index - state.index
+        positions = window.features[:, : 3 * len(window.joint_names)]
+        past, reservoir, units, rest = (
+            fade(state.past, positions[-1], self._kept, passed),
+            self.model.reservoir,
+            None,
+            None,
+        )
+        if reservoir is not None and np.isfinite(positions).all():
+            units = reservoir.listen(positions, self.model.manifest.rate_hz, state.units, passed)[-1]
+        if self.model.manifest.rest_s > 0.0:
+            hand_m = read_only(positions[-1, -3:])
+            rest = first_seen(hand_m) if state.rest is None else watch(state.rest, hand_m, passed)
+        return replace(state, past=past, units=units, rest=rest)
+
+    def _measured(self, state: InferenceState, given: JointMeasurement) -> InferenceState:
+        """The state after the robot said where it is: its start, unless a person is there whom it may be answering."""
+        told = replace(state, outcome="measured", detail="")
+        if self.model.start_pose is None:
+            return told
+        try:
+            start = given.of(self.model.manifest.controlled.joint_names)
+        except DataError as error:
+            return state.refused(error)
+        longest_ns = self.model.manifest.window * self._period_ns
+        answering = state.stamp_ns is not None and given.stamp_ns - state.stamp_ns <= longest_ns
+        return told if answering else replace(told, start=start)
 
     def _beside(
-        self, members: Generated, window: FeatureWindow, past: FloatArray, recognition: Recognition
+        self, members: Generated, window: FeatureWindow, seen: InferenceState, recognition: Recognition
     ) -> Generated:
-        """What the members expect, blended with what the radial basis expects where the model has one."""
-        basis = self.model.radial_basis
-        if basis is None:
-            return members
-        answer = basis.answer(window.features, past, recognition.probabilities)
-        motion, covariance = basis.blend(members.motion, members.covariance, answer)
+        """What the members expect, blended with what the reservoir expects and displaced by the robot's start."""
+        label, model, motion, covariance = recognition.probabilities, self.model, members.motion, members.covariance
+        if model.reservoir is not None and seen.units is not None:
+            positions = window.features[:, : 3 * len(window.joint_names)]
+            answer = model.reservoir.answer(seen.units, positions, label)
+            motion, covariance = model.reservoir.blend(motion, covariance, answer)
+        if model.start_pose is not None and seen.start is not None:
+            motion = model.start_pose.displaced(motion, seen.start, label)
         return replace(members, motion=motion, covariance=covariance)
 
     def _observe(
-        self, state: InferenceState, place: int, index: int, window: FeatureWindow, past: FloatArray
+        self, state: InferenceState, place: int, index: int, window: FeatureWindow, past: FloatArray | None
     ) -> tuple[Observed, ...]:
         """What each member finds. Raises DataError when a feature is not finite."""
+        assert past is not None  # it has this window in it
         copy, stride = state.copies[place], len(state.copies)
         missed = (index - copy.index) // stride - 1 if copy.index >= 0 else -1
         whole = 1 + (len(window.features) - 1) // stride
@@ -278,23 +285,3 @@ class Inference:
             phase=generated.phase,
             out_of_distribution=strangeness,
         )
-
-
-def _counted(state: InferenceState, events: Mapping[str, int]) -> dict[str, int]:
-    """The counts with what happened added."""
-    counts = dict(state.counts)
-    for name, number in events.items():
-        counts[name] = counts.get(name, 0) + number
-    return counts
-
-
-def _combined(generated: Sequence[Generated]) -> Generated:
-    """Means of the members' parts; the covariance also holds how far their windows disagree."""
-    if len(generated) == 1:
-        return generated[0]
-    motions = np.stack([part.motion for part in generated])
-    motion = motions.mean(axis=0)
-    apart = (motions - motion).reshape(-1, motion.shape[1])
-    covariance = np.mean([part.covariance for part in generated], axis=0) + apart.T @ apart / len(apart)
-    weights = np.mean([part.weights for part in generated], axis=0)
-    return Generated(motion, covariance, weights, sum(part.phase for part in generated) / len(generated))

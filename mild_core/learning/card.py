@@ -20,7 +20,7 @@ LIMITS = """\
 - Not for a robot near people without the protections that its operator is bound to by law and by the robot's maker.
 """
 BESIDE = """ \
-Beside them answers a radial-basis-function network, which also sees where the arm has been in the last seconds."""
+Beside them answers a reservoir, whose units remember the last seconds."""
 BRANCH = """
 - Angles are scored and given in one branch: the fifth joint of hand waving is unwrapped by a turn (same pose)."""
 """Of the one recording in which that is so."""
@@ -37,12 +37,13 @@ def model_card(manifest: Manifest, recording: Recording, retrain: str) -> str:
     protocol = recording.protocols[manifest.protocol]
     training = manifest.training
     whose = "the publishers'" if recording.known_as == recording.name else "the"
+    beside = BESIDE if training.get("reservoir_units") else ""
     parts = [
         f"# Model card: {manifest.name}\n",
         f"{_sentence(protocol.meaning)} Windows of {manifest.window} frames at {manifest.rate_hz:g} Hz; protocol "
         f"`{manifest.protocol}`. Variational autoencoders of person and robot ({manifest.latent_size} dimensions each) "
         f"with a {manifest.prior.kind.upper()} of {manifest.prior.components} components per interaction between them; "
-        f"members whose answers are averaged: {len(manifest.members)}.{BESIDE if manifest.past_s else ''}\n",
+        f"members whose answers are averaged: {len(manifest.members)}.{beside}\n",
         "## Intended use\n",
         f"{_moves(manifest)} in answer to a person's {manifest.observed.side} arm "
         f"({', '.join(manifest.observed.joint_names)}), in research and teaching, through this package's retargeting. "

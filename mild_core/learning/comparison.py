@@ -38,12 +38,12 @@ class Relative:
 
 @dataclass(frozen=True)
 class Row:
-    """One method, labels given or recognised.
+    """One method, told one thing.
 
     Attributes:
         method: Name in `METHODS`.
         title: For people.
-        labels: "given" or "recognised".
+        labels: What it was told, see `cross_validation.GIVEN`.
         seeds: How many were run.
         macro_mean: Macro squared error, mean over seeds.
         macro_std: Its standard deviation over seeds; None with one seed.

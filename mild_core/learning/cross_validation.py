@@ -26,8 +26,9 @@ from mild_core.learning.recording import Demonstrations
 from mild_core.learning.run_time import HeldOut, watch
 from mild_core.learning.windows import protocol_named
 
-GIVEN, RECOGNISED, UNKNOWN = "given", "recognised", "unknown"
-"""What a method is told of the interaction: its name, that it has to find it out, or nothing and it never asks."""
+GIVEN, RECOGNISED, UNKNOWN, STARTED = "given", "recognised", "unknown", "given, start pose"
+"""What a method is told: the interaction's name, that it has to find it out, nothing and it never asks, or its name
+and where the robot stood before."""
 
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Each worker is one thread: the cores are used by the workers, and figures do not depend on how many there are."""
@@ -53,7 +54,8 @@ class Result:
     Attributes:
         job: What was done.
         errors: Errors of the held-out trials by what the method was told: under "given", and under "recognised" too by
-            one that can find the interaction out; under "unknown" alone by one that never looks at it.
+            one that can find the interaction out; under "unknown" alone by one that never looks at it; under "given,
+            start pose" too by a model that has learned what the robot's start tells.
         seconds: How long learning took.
         held_out: What the run-time stage did with the held-out trials; empty for a method that it does not run.
     """
@@ -114,6 +116,9 @@ def run_job(job: Job) -> Result:
         errors[RECOGNISED] = tuple(errors_of_trial(trial, protocol, answer) for trial, answer in answers)
     if not isinstance(predictor, ModelPredictor):
         return Result(job, errors, seconds)
+    if predictor.model.start_pose is not None:
+        answers = ((trial, predictor.predict_started(trial)) for trial in fold.held_out)
+        errors[STARTED] = tuple(errors_of_trial(trial, protocol, answer) for trial, answer in answers)
     return Result(job, errors, seconds, tuple(watch(predictor, trial, job.fold) for trial in fold.held_out))
 
 

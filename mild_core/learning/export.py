@@ -26,12 +26,16 @@ from mild_core.learning.demonstration import Demonstration
 from mild_core.learning.novelty import bone_lengths_m, latent_radius, territory_of
 from mild_core.learning.trained import TrainedMember, TrainedModel
 from mild_core.learning.vae import RUNNING, Chain
+from mild_core.learning.windows import onset_frame
 from mild_core.shapes import FloatArray
 
 Arrays = dict[str, NDArray[Any]]
 
 EVIDENCE_PER_S, KEPT_PER_S = 4.0, 0.67
 """Windows per second that recognition counts in full, and the share of the evidence that is left after a second."""
+
+MOST_RESTS = 0.9
+"""Share of the rests before the motion that are no longer than a model's `rest_s`."""
 
 ORIGIN = HumanPlacement((1.0, 0.0, 0.7), np.pi)
 """Where a person would stand if nobody says: an arm's length before the robot, facing it."""
@@ -79,8 +83,10 @@ def export(
     members, arrays = [], {"residual_covariance": np.asarray(residual_covariance, dtype=np.float64)}
     arrays["covariance_scale"] = np.array([covariance_scale.get(name, 1.0) for name in trained.interactions])
     arrays |= territory.to_arrays()
-    if trained.radial_basis is not None:
-        arrays |= {name: array.astype(np.float32) for name, array in trained.radial_basis.to_arrays().items()}
+    if trained.reservoir is not None:
+        arrays |= {name: array.astype(np.float32) for name, array in trained.reservoir.to_arrays().items()}
+    if trained.start_pose is not None:
+        arrays |= trained.start_pose.to_arrays()
     for index, member in enumerate(trained.members):
         specs, found = _member(member)
         members.append(specs)
@@ -101,6 +107,12 @@ def recognition_rates(rate_hz: float, members: int) -> FloatArray:
     Members' log-likelihoods are added, and successive windows are far from independent: they count by time.
     """
     return np.array([min(1.0, EVIDENCE_PER_S / rate_hz / members), KEPT_PER_S ** (1.0 / rate_hz)])
+
+
+def rest_s(demonstrations: Sequence[Demonstration]) -> float:
+    """How long most people rested before their motion; 0 where they moved at once [s]."""
+    found = [onset_frame(trial) / trial.rate_hz for trial in demonstrations]
+    return round(float(np.quantile(found, MOST_RESTS)), 2)
 
 
 def _manifest(
@@ -126,6 +138,7 @@ def _manifest(
         latent_size=settings.architecture.latent,
         stride=settings.stride,
         past_s=settings.past_s,
+        rest_s=rest_s(demonstrations),
         interactions=trained.interactions,
         prior=PriorSpec(settings.prior.kind, settings.prior.components, longest, settings.prior.restart),
         members=members,

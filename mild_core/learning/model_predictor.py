@@ -14,7 +14,7 @@ from mild_core.inference.stage import Inference
 from mild_core.learning.demonstration import Demonstration
 from mild_core.learning.windows import Protocol, cut, feature_windows
 from mild_core.shapes import FloatArray
-from mild_core.signals import MotionWindow
+from mild_core.signals import JointMeasurement, MotionWindow
 
 AUTO = "auto"
 """The interaction is recognised, not given."""
@@ -52,18 +52,26 @@ class ModelPredictor:
         """With the interaction recognised as the trial goes on (see `Recognising`)."""
         return self.answers(demonstration, AUTO).predicted
 
-    def answers(self, demonstration: Demonstration, interaction: str) -> Answers:
+    def predict_started(self, demonstration: Demonstration) -> FloatArray:
+        """With the interaction given, and where the robot stood at the start."""
+        return self.answers(demonstration, demonstration.interaction, started=True).predicted
+
+    def answers(self, demonstration: Demonstration, interaction: str, *, started: bool = False) -> Answers:
         """All that inference says of a trial.
 
         Args:
             demonstration: The trial.
             interaction: Its name, or "auto".
+            started: Whether the robot says where it stands at the start.
 
         Raises:
             ModelError: Inference left a window of a recorded trial without an answer.
         """
         stage = Inference(self.model, interaction)
         state = stage.init()
+        if started:
+            pose = JointMeasurement(0, demonstration.controlled_names, demonstration.controlled[0])
+            state, _ = stage.step(state, pose, 0)
         motions: list[MotionWindow] = []
         for window in feature_windows(demonstration, self.protocol):
             state, answer = stage.step(state, window, window.stamp_ns)

@@ -139,26 +139,36 @@ class RecogniserSettings:
 
 
 @dataclass(frozen=True)
-class RadialBasisSettings:
-    """The network beside the members, see `radial_basis`.
+class ReservoirSettings:
+    """The reservoir beside the members, see `reservoir`.
 
     Attributes:
         share: That its answer has, the members together having the rest.
-        centres: Of each interaction, at most.
-        coordinates: Principal components of the human's window that it sees.
-        velocity_weight: What a velocity of a metre per second counts beside a position of a metre.
-        past_weight: What the past counts beside the window.
+        count: Of reservoirs whose answers are averaged.
+        units: Of each.
+        sources: Units that each unit listens to.
+        gain: Spectral radius of what it hears from them; well above 1 the units would not forget.
+        input_scale: Deviation of the weights of a frame's values, these being of deviation 1.
+        velocity_weight_s: What a velocity of a metre per second counts beside a position of a metre.
+        time_constants_s: Shortest and longest of the units' memory.
+        copies: Of each trial, bent, that are learned from beside the recorded one.
     """
 
-    share: float = 0.33
-    centres: int = 200
-    coordinates: int = 30
-    velocity_weight: float = 0.5
-    past_weight: float = 0.7
+    share: float = 0.4
+    count: int = 3
+    units: int = 300
+    sources: int = 10
+    gain: float = 1.3
+    input_scale: float = 0.2
+    velocity_weight_s: float = 0.3
+    time_constants_s: tuple[float, ...] = (0.06, 5.0)
+    copies: int = 0
 
     def __post_init__(self) -> None:
-        if not (0.0 < self.share <= 1.0 and self.centres > 0 and self.coordinates > 0):
-            raise ValueError("share must be above 0 and at most 1, centres and coordinates at least 1")
+        if not (0.0 < self.share <= 1.0 and min(self.count, self.units, self.sources) > 0):
+            raise ValueError("share must be above 0 and at most 1, count, units and sources at least 1")
+        if len(self.time_constants_s) != 2 or not 0.0 < self.time_constants_s[0] <= self.time_constants_s[1]:
+            raise ValueError("time_constants_s are the shortest and the longest, above 0")
 
 
 @dataclass(frozen=True)
@@ -171,8 +181,9 @@ class TrainingSettings:
         weights: Of the objective's terms.
         augmentation: None: trials as recorded.
         recogniser: None: the priors' likelihoods tell interactions apart.
-        radial_basis: None: the members answer alone.
-        past_s: Time constants of the fading means of positions that recogniser and radial basis see [s].
+        reservoir: None: the members answer alone.
+        start_pose: Whether it is learned what the robot's start tells, see `start_pose`; needs a reservoir.
+        past_s: Time constants of the fading means of positions that recognisers see [s].
         stride: S: belief and memory see every S-th window; durations count in steps of S frames.
         gradient_stride: Windows between two that are learned from; `stride` where a gradient passes memory or belief.
         epochs: Number of passes over all trials.
@@ -197,7 +208,8 @@ class TrainingSettings:
     weights: LossWeights = field(default_factory=LossWeights)
     augmentation: Augmentation | None = field(default_factory=Augmentation)
     recogniser: RecogniserSettings | None = field(default_factory=RecogniserSettings)
-    radial_basis: RadialBasisSettings | None = field(default_factory=RadialBasisSettings)
+    reservoir: ReservoirSettings | None = field(default_factory=ReservoirSettings)
+    start_pose: bool = True
     past_s: tuple[float, ...] = (0.5, 2.0)
     stride: int = 16
     gradient_stride: int = 16
@@ -239,7 +251,8 @@ PAPER = TrainingSettings(
     weights=LossWeights(prediction=0.0, observed=1.0, controlled=1.0, divergence=1e-3),
     augmentation=None,
     recogniser=None,
-    radial_basis=None,
+    reservoir=None,
+    start_pose=False,
     past_s=(),
     stride=1,
     gradient_stride=40,

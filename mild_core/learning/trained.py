@@ -9,16 +9,16 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from mild_core.inference.radial_basis import RadialBasis
+from mild_core.inference.reservoir import Reservoir
+from mild_core.inference.start_pose import StartPose
 from mild_core.learning.coordinates import Coordinates
 from mild_core.learning.corpus import corpus_of, cut_tracks
 from mild_core.learning.demonstration import Demonstration
 from mild_core.learning.latent_prior import LatentPrior
-from mild_core.learning.radial_basis import pasts
 from mild_core.learning.recogniser import Recogniser
 from mild_core.learning.settings import TrainingSettings
 from mild_core.learning.vae import MemberNetworks
-from mild_core.learning.windows import Protocol, cut
+from mild_core.learning.windows import Protocol, cut, thin
 from mild_core.shapes import FloatArray
 
 
@@ -61,7 +61,8 @@ class TrainedModel:
         seed: Of all draws.
         interactions: By label.
         members: At least one.
-        radial_basis: What answers beside them; None: they answer alone.
+        reservoir: What answers beside them; None: they answer alone.
+        start_pose: What the robot's start tells; None: nothing.
     """
 
     protocol: Protocol
@@ -69,10 +70,15 @@ class TrainedModel:
     seed: int
     interactions: tuple[str, ...]
     members: tuple[TrainedMember, ...]
-    radial_basis: RadialBasis | None = None
+    reservoir: Reservoir | None = None
+    start_pose: StartPose | None = None
 
-    def predict(self, demonstration: Demonstration) -> FloatArray:
+    def predict(self, demonstration: Demonstration, *, started: bool = False) -> FloatArray:
         """Answer every window of a trial, its interaction given: torch's word, which the run time is held against.
+
+        Args:
+            demonstration: The trial.
+            started: Whether it is known where the robot stood at the start.
 
         Returns:
             (N, W, J) joint angles [rad], in the order of `windows.cut`.
@@ -86,12 +92,19 @@ class TrainedModel:
             for member in self.members:
                 answer = member.predict(batch.question, batch.label)[0].double().numpy()
                 answers[first::stride] += answer.reshape(-1, *true.shape[1:]) / len(self.members)
-        basis = self.radial_basis
-        if basis is None:
-            return answers
         label = np.eye(len(self.interactions))[self.interactions.index(demonstration.interaction)]
-        observed = cut(demonstration, self.protocol).observed
-        past = pasts(demonstration, self.protocol, self.settings.past_s)
-        beside = np.array([basis.answer(*seen, label) for seen in zip(observed, past, strict=True)])
-        blended: FloatArray = answers + basis.share[0] * (beside.reshape(answers.shape) - answers)
-        return blended
+        if self.reservoir is not None:
+            answers += self.reservoir.share[0] * (self._beside(demonstration, label).reshape(answers.shape) - answers)
+        if started and self.start_pose is not None:
+            start = demonstration.controlled[0]
+            answers = np.array([self.start_pose.displaced(motion, start, label) for motion in answers])
+        return answers
+
+    def _beside(self, demonstration: Demonstration, label: FloatArray) -> FloatArray:
+        """(N, W J) what the reservoir answers to every window."""
+        assert self.reservoir is not None
+        trial, width = thin(demonstration, self.protocol), self.protocol.window
+        positions = trial.observed_m.reshape(trial.frames, -1)
+        states = self.reservoir.listen(positions, trial.rate_hz, None, 0)
+        ends = range(width, width + self.protocol.windows_of(trial.frames))
+        return np.array([self.reservoir.answer(states[end - 1], positions[end - width : end], label) for end in ends])

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,18 +17,22 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from mild_core.errors import DatasetError
+from mild_core.inference.reservoir import Reservoir
+from mild_core.inference.start_pose import StartPose
 from mild_core.learning.carry_over import carry_over
 from mild_core.learning.compiled_gru import compile_memories
 from mild_core.learning.coordinates import Coordinates, plain_coordinates, principal_coordinates
 from mild_core.learning.corpus import Corpus, WindowBatch, bend, corpus_of, cut_tracks
 from mild_core.learning.demonstration import Demonstration
+from mild_core.learning.draws import drawing_from
 from mild_core.learning.folds import folds_of, require_folds
 from mild_core.learning.objective import Objective
-from mild_core.learning.radial_basis import fit_radial_basis
 from mild_core.learning.recogniser import Recogniser, train_recogniser
 from mild_core.learning.reestimation import refit
+from mild_core.learning.reservoir import STRIDE, fit_reservoir
 from mild_core.learning.settings import Augmentation, TrainingSettings
 from mild_core.learning.snapshot import Learner, Snapshot
+from mild_core.learning.start_pose import fit_start_pose
 from mild_core.learning.stopping import best_epoch, levelled_off, validation_error
 from mild_core.learning.trained import TrainedMember, TrainedModel
 from mild_core.learning.vae import MemberNetworks
@@ -124,8 +127,22 @@ def train(
             members.append(_trained(corpus, objective, learner, seed, number))
         else:
             settings = replace(settings, epochs=best_epoch(learner.validation))
-    beside = fit_radial_basis(demonstrations, protocol, interactions, settings, seed)
-    return TrainedModel(corpus.protocol, settings, seed, interactions, tuple(members), beside)
+    beside, start_pose = _beside(demonstrations, protocol, interactions, settings, seed)
+    return TrainedModel(corpus.protocol, settings, seed, interactions, tuple(members), beside, start_pose)
+
+
+def _beside(
+    demonstrations: Sequence[Demonstration],
+    protocol: Protocol,
+    interactions: Sequence[str],
+    settings: TrainingSettings,
+    seed: int,
+) -> tuple[Reservoir | None, StartPose | None]:
+    """What is learned beside the members, in closed form."""
+    found = fit_reservoir(demonstrations, protocol, interactions, settings, seed)
+    if found is None or not settings.start_pose:
+        return (found and found[0]), None
+    return found[0], fit_start_pose(demonstrations, protocol, interactions, found[1], STRIDE)
 
 
 def _require_length(demonstrations: Sequence[Demonstration], protocol: Protocol, settings: TrainingSettings) -> None:
@@ -143,17 +160,6 @@ def _require_length(demonstrations: Sequence[Demonstration], protocol: Protocol,
                 f"its {frames} frames give {steps} steps, fewer than the prior's {settings.prior.components} parts"
             )
             raise DatasetError(thing, problem, "leave it out or train with fewer components or a smaller stride")
-
-
-@contextmanager
-def drawing_from(*numbers: int) -> Iterator[None]:
-    """Make torch's draws inside depend on `numbers` alone, and leave no trace outside."""
-    with torch.random.fork_rng(devices=[]):
-        seed = 0
-        for number in numbers:
-            seed = (seed * 1_000_003 + number + 1) % (2**63 - 1)
-        torch.manual_seed(seed)
-        yield
 
 
 def _learner(

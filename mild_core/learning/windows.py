@@ -165,14 +165,18 @@ def require_windows(demonstrations: Sequence[Demonstration], protocol: Protocol)
             raise DatasetError(f"trial {trial.trial} ({trial.interaction})", problem, "leave it out")
 
 
+def onset_frame(demonstration: Demonstration) -> int:
+    """The frame of a trial at which the motion begins; 0 where there is none."""
+    hand = demonstration.observed_m[:, -1]
+    return int((np.linalg.norm(hand - hand[:REST_FRAMES].mean(axis=0), axis=1) > ONSET_M).argmax())
+
+
 def onset_window(demonstration: Demonstration, protocol: Protocol, after_s: float = 0.0) -> int:
     """Number of the first window of a trial whose newest frame comes `after_s` seconds after the motion's onset.
 
     It may lie beyond the last window, and is 0 where the motion began before there was a window.
     """
-    hand = demonstration.observed_m[:, -1]
-    away = np.linalg.norm(hand - hand[:REST_FRAMES].mean(axis=0), axis=1) > ONSET_M
-    frame = int(away.argmax()) + round(after_s * demonstration.rate_hz)
+    frame = onset_frame(demonstration) + round(after_s * demonstration.rate_hz)
     return max(0, frame // protocol.keep_every - (protocol.window - 1))
 
 

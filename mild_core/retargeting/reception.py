@@ -74,12 +74,10 @@ def take_measurement(
     The first one ends `waiting`. While disabled and at rest the command follows the robot. Otherwise it is watched
     for the robot being elsewhere than commanded.
     """
-    places = {name: place for place, name in enumerate(given.joint_names)}
-    if any(name not in places for name in robot.joint_names):
-        return state.ended("joints_missing")
-    measured = given.positions_rad[[places[name] for name in robot.joint_names]]
-    if not np.isfinite(measured).all():
-        return state.ended("not_finite")
+    try:
+        measured = given.of(robot.joint_names)
+    except DataError as error:
+        return state.ended(error.reason)
     inside = np.minimum(np.maximum(measured, robot.lower_rad), robot.upper_rad)
     if np.abs(measured - inside).max() > OUTSIDE_RAD:
         return state.ended("outside_limits")

@@ -28,5 +28,5 @@ def forgotten(pipeline: Pipeline, state: PipelineState) -> PipelineState:
     return replace(
         state,
         perception=pipeline.perception.afresh(state.perception),
-        inference=replace(pipeline.inference.init(), counts=state.inference.counts),
+        inference=pipeline.inference.afresh(state.inference),
     )

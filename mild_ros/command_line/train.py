@@ -254,6 +254,7 @@ def _about(trained: TrainedModel, asked: Configuration, recording: Recording, tr
         "trials": trials,
         "seeds": [trained.seed],
         "epochs": trained.settings.epochs,
+        "reservoir_units": 0 if trained.reservoir is None else len(trained.reservoir.leak),
         "stopped": stopped,
         "git_revision": _revision(),
         "configuration": asked.text,

@@ -9,6 +9,7 @@ import numpy as np
 
 from mild_core.inference.manifest import ControlledAgent, Manifest
 from mild_core.inference.model import save_model
+from mild_core.inference.start_pose import StartPose
 from mild_core.retargeting.robots import ROBOTS
 from mild_core.shapes import FloatArray
 from mild_ros.scenes import SCENES, arm_track
@@ -29,6 +30,10 @@ def save_random_model(
     arrays["member_0.decoder.output.mean"] = np.tile(about, of.window)
     arrays["member_0.decoder.output.scale"] = np.full(of.controlled.values * of.window, scale)
     arrays["member_0.latent_radius"] = np.full(len(of.interactions), 100.0)  # everything is known
+    if controlled.unit == "rad":  # the robot's start displaces what it does
+        gains = np.tile(0.3 * np.eye(controlled.values), (len(of.interactions), 1, 1))
+        mean = np.tile(about - 0.1, (len(of.interactions), 1))
+        arrays |= StartPose(mean, np.array([2.0]), gains, 0.5 * gains, np.array([0.6])).to_arrays()
     save_model(folder, of, arrays, "# Random\n\nNot trained.\n")
     return folder
 

@@ -3,7 +3,7 @@
 
 from dataclasses import replace
 
-from mild_core.learning.settings import PAPER, SAME, Architecture, Augmentation, PriorSettings, RadialBasisSettings
+from mild_core.learning.settings import PAPER, SAME, Architecture, Augmentation, PriorSettings, ReservoirSettings
 
 TWO = ("reach", "push")
 
@@ -14,7 +14,7 @@ SMALL = replace(
     ),
     prior=replace(SAME.prior, components=3, every=2, iterations=2),
     augmentation=replace(SAME.augmentation or Augmentation(), copies=1),
-    radial_basis=RadialBasisSettings(centres=8, coordinates=5),
+    reservoir=ReservoirSettings(count=1, units=20, sources=4),
     epochs=8,
     members=1,
 )

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""When an interaction begins anew: people rest before and between interactions, for any time, and that is no step.
+
+What remembers has learned from trials that begin a few seconds before their motion. After a minute of rest it would be
+in a state that it has never been in. So while the arm rests where it was first seen, memory moves on for as long as
+people rested in the recordings, and no longer; and when the arm has come back to rest, it all begins anew.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mild_core.shapes import FloatArray
+
+MOVED_M = 0.05
+"""A motion has begun when the hand is this far from where it rested; source: METHOD section 3."""
+
+STILL_M = 0.03
+"""A hand that stays within so much of a place is still."""
+
+BACK_M = 0.2
+"""A still hand this near to where it rested before is back at rest, and does not touch anybody."""
+
+STILL_S = 2.0
+"""How long it has to be still: the robot, too, has then come back."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rest:
+    """Where the hand rested and what it has done since.
+
+    Attributes:
+        place_m: (3,) where it was first seen.
+        frames: Frames since then.
+        moved: Whether it has left that place.
+        still_m: (3,) where it last became still.
+        still_frames: Frames since then.
+    """
+
+    place_m: FloatArray
+    frames: int
+    moved: bool
+    still_m: FloatArray
+    still_frames: int
+
+
+def first_seen(hand_m: FloatArray) -> Rest:
+    """A hand (3,) that nothing is known of."""
+    return Rest(hand_m, 0, False, hand_m, 0)
+
+
+def watch(rest: Rest, hand_m: FloatArray, passed: int) -> Rest:
+    """Take the hand's place (3,), `passed` frames after the last one."""
+    rest = replace(rest, frames=rest.frames + passed, still_frames=rest.still_frames + passed)
+    if float(np.linalg.norm(hand_m - rest.place_m)) > MOVED_M:
+        rest = replace(rest, moved=True)
+    if float(np.linalg.norm(hand_m - rest.still_m)) > STILL_M:
+        rest = replace(rest, still_m=hand_m, still_frames=0)
+    return rest
+
+
+def is_waiting(rest: Rest, rest_frames: int) -> bool:
+    """Whether the hand has rested for longer than it ever did before a motion."""
+    return not rest.moved and rest.frames > rest_frames
+
+
+def is_back(rest: Rest, still_frames: int) -> bool:
+    """Whether the hand has moved and come back to rest."""
+    back = float(np.linalg.norm(rest.still_m - rest.place_m)) <= BACK_M
+    return rest.moved and back and rest.still_frames >= still_frames
