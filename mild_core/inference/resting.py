@@ -23,8 +23,8 @@ STILL_M = 0.03
 BACK_M = 0.2
 """A still hand this near to where it rested before is back at rest, and does not touch anybody."""
 
-STILL_S = 2.0
-"""How long it has to be still: the robot, too, has then come back."""
+STILL_S = 5.0
+"""How long it has to be still. In recordings it takes the robot up to four seconds more to come back, or it stays away."""
 
 
 @dataclass(frozen=True, eq=False)
