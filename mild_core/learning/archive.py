@@ -158,6 +158,8 @@ def read_archive(path: Path, names: Iterable[str]) -> dict[str, NDArray[Any]]:
             if absent:
                 raise DatasetError(thing, f"has no array '{absent[0]}' (only {', '.join(sorted(there))})", REMEDY)
             return {name: _read_member(archive, f"{name}.npy") for name in names}
+    except DatasetError:
+        raise
     except _RefusedError as refused:
         raise DatasetError(thing, f"asks for {refused}; nothing of it was run", REMEDY) from None
     except (zipfile.BadZipFile, zlib.error, EOFError, OSError, NotImplementedError, RuntimeError) as broken:

@@ -30,6 +30,9 @@ COMMANDS = {
 
 EXIT_SET_UP, EXIT_INTERRUPTED = 2, 130
 
+FULL = (errno.ENOSPC, errno.EDQUOT)
+"""What a disk without room says."""
+
 
 def _say(line: str) -> None:
     print(f"mild: {line}", file=sys.stderr)
@@ -49,9 +52,9 @@ def _in_one_line(command: Callable[..., Any]) -> Callable[..., None]:
             raise typer.Exit(EXIT_INTERRUPTED) from None
         except OSError as error:
             # Faults of the disk belong to the user, all others to us, and those show where they come from.
-            if error.filename is None and error.errno not in (errno.ENOSPC, errno.EDQUOT):
+            if error.filename is None and error.errno not in FULL:
                 raise
-            _say(f"{error.filename or 'the disk'}: {error.strerror}")
+            _say(f"{error.filename or 'the disk'}: {error.strerror}" + "; make room on it" * (error.errno in FULL))
         else:
             return
         raise typer.Exit(EXIT_SET_UP)

@@ -158,3 +158,11 @@ def test_every_truncated_pickle_is_one_clear_line(tmp_path):
         with pytest.raises(DatasetError) as refused:
             read_archive(path, ["tracks"])
         assert "\n" not in str(refused.value)
+
+
+def test_an_absent_array_is_told_once(tmp_path: Path) -> None:
+    np.savez(tmp_path / "a.npz", train_data=np.zeros(2))
+    with pytest.raises(DatasetError) as told:
+        read_archive(tmp_path / "a.npz", ("train_data", "test_data"))
+    assert "has no array 'test_data' (only train_data)" in str(told.value)
+    assert "broken" not in str(told.value)
