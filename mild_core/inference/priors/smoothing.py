@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Forward and backward over a demonstration, compiled: the expectation step of EM, which sees all frames at once.
 
-The filter's memory of (component j, remaining time r) moves by one place a frame. Here it stands still instead: the
-window of remaining times slides over a buffer as long as the demonstration. What a frame multiplies a component's
-whole row by is not carried out but owed by the row, until that is so large or small that it has to be. So a row costs
-one pass a frame in either direction. Sums are taken in whatever order is fastest: this is for learning alone.
+The filter's memory of (component j, remaining time r) moves by one place a frame. Here nothing moves: what is kept of a
+component is one value for each frame, where its segments started (forward) or may end (backward), and what a frame
+needs is the product of a stretch of them with the durations. What a frame multiplies all of them by is not carried out
+but owed to them, until that is so large or small that it has to be. Of the stretch, the far end is left out for good
+once it no longer counts: where components lie apart, a few frames remain of D. Sums are taken in whatever order is
+fastest: this is for learning alone.
 
 Source: METHOD section 2; S.-Z. Yu, "Hidden semi-Markov models", Artificial Intelligence 174 (2010).
 """
@@ -20,46 +22,75 @@ from mild_core.shapes import FloatArray
 NEGLIGIBLE = 1e-20
 """An expected number of segments that changes no sum of theirs."""
 
-CEILING = 1e250
+CEILING = 1e200
 """Bound of the backward values. Only states of no forward mass come near it; beyond it they would turn into NaN."""
 
-LEAST_OWED, MOST_OWED = 1e-50, 1e50
+LEAST_OWED, MOST_OWED = 1e-100, 1e50
 """A row may be owed a factor between these. Beyond, values would leave what a double can hold."""
 
 VANISHED = 1e-290
 """Smaller values are zero: there arithmetic takes a hundred times as long, and nothing depends on them."""
 
+FORGOTTEN = 1e-180
+"""Share of a row's sum below which its earliest starts, or latest ends, are left out from then on.
+
+They share all other frames with the rest of the row and differ in the remaining time alone: those frames would have to
+be this much likelier after the one remaining time than after the other to bring them back.
+"""
+
+BLOCK = 8
+"""Frames are looked through, and left out, by so many: loops of few lengths are faster than shorter ones of any."""
+
+MARGIN = 2 * BLOCK
+"""Zeros on either side of the durations, for the frames of the outermost blocks that are out of their reach."""
+
 
 @compiled_in_any_order
-def settle(row: FloatArray, owed: float, factor: float) -> float:
-    """Owe `row` one more factor, or multiply it by both if that is too much.
+def settle(rows: FloatArray, j: int, first: int, stop: int, owed: float, factor: float) -> float:
+    """Owe row `j` one more factor from place `first` to `stop`, or multiply it by both if that is too much.
 
     Returns:
         What it is owed now.
     """
     if LEAST_OWED < owed * factor < MOST_OWED:
         return owed * factor
-    for r in range(row.shape[0]):
-        value = min(row[r] * owed, CEILING) * factor
-        row[r] = min(value, CEILING) if value > VANISHED else 0.0
+    at = np.uint64(first)  # here and below: no sign to look at for each value, and no view that has to be counted
+    for r in range(np.uint64(stop - first)):
+        value = min(rows[j, at + r] * owed, CEILING) * factor
+        rows[j, at + r] = min(value, CEILING) if value > VANISHED else 0.0
     return 1.0
 
 
+@compiled
+def largest_of_block(rows: FloatArray, j: int, first: int) -> float:
+    """The largest value of row `j` in the block from place `first`."""
+    largest = 0.0
+    for s in range(first, first + BLOCK):
+        largest = max(largest, rows[j, s])
+    return largest
+
+
 @compiled_in_any_order
-def enter(row: FloatArray, durations: FloatArray, entering: float) -> float:
-    """Let segments start, `entering` of them by duration; returns the sum of the row (D,)."""
-    total = 0.0
-    for r in range(row.shape[0]):
-        row[r] += durations[r] * entering
-        total += row[r]
-    return total
+def weigh_starts(
+    starts: FloatArray, lasting: FloatArray, ending: FloatArray, j: int, first: int, stop: int, part: int
+) -> tuple[float, float]:
+    """How many segments of component `j` that started from `first` to `stop` last, and how many end.
+
+    `part` is the place of `first` in `lasting` and `ending`.
+    """
+    at, where, last, end = np.uint64(first), np.uint64(part), 0.0, 0.0
+    for r in range(np.uint64(stop - first)):
+        last += starts[j, at + r] * lasting[j, where + r]
+        end += starts[j, at + r] * ending[j, where + r]
+    return last, end
 
 
 @compiled_in_any_order
 def forward_frames(
     log_emissions: FloatArray,
     densities: FloatArray,
-    chain: tuple[FloatArray, FloatArray, FloatArray],
+    largest: FloatArray,
+    chain: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
     events: tuple[FloatArray, FloatArray, FloatArray],
 ) -> float:
     """`filtering.filter_frames` from the start, by the way of this module.
@@ -67,60 +98,55 @@ def forward_frames(
     Args:
         log_emissions: (T, K).
         densities: (T, K) their exponentials, divided by each frame's largest.
-        chain: Start probabilities (K,), transitions (K, K), durations (K, D).
+        largest: (T,) logarithm of that one.
+        chain: Start probabilities (K,), transitions (K, K), and from the longest duration to the shortest the
+            probability of it or a longer one and of itself, both within their margins (K, D + 2 MARGIN).
         events: As of `filter_frames`, filled.
 
     Returns:
         The log-likelihood of the frames.
     """
-    initial, transitions, durations = chain
+    initial, transitions, lasting, ending = chain
     entering, leaving, emissions = events
-    frames, components = log_emissions.shape
-    longest = durations.shape[1]
-    memory, owed, mass = np.zeros((components, frames + longest)), np.ones(components), np.empty(components)
-    log_likelihood = 0.0
+    (frames, components), width = log_emissions.shape, ending.shape[1]
+    starts, owed, earliest = np.zeros((components, frames + BLOCK)), np.ones(components), np.zeros(components, np.int64)
+    enters, mass, ends, log_likelihood = initial.copy(), np.empty(components), np.empty(components), 0.0
     for t in range(frames):
-        enters, total, largest = initial.copy(), 0.0, log_emissions[t].max()
-        if t > 0:
-            enters[:] = 0.0
-            for i in range(components):
-                for j in range(components):
-                    enters[j] += leaving[t - 1, i] * transitions[i, j]
+        total, logarithm, here = 0.0, largest[t], t - t % BLOCK
         for j in range(components):
-            entering[t, j] = enters[j]
-            mass[j] = owed[j] * enter(memory[j, t : t + longest], durations[j], enters[j] / owed[j])
-            emissions[t, j] = densities[t, j]
+            entering[t, j], starts[j, t], first = enters[j], enters[j] / owed[j], earliest[j]
+            last, end = weigh_starts(starts, lasting, ending, j, first, here + BLOCK, width - MARGIN - 1 - t + first)
+            mass[j], ends[j], emissions[t, j] = last * owed[j], end * owed[j], densities[t, j]
             total += mass[j] * densities[t, j]
+            if t == here:
+                least, reach = FORGOTTEN * last, t - width + 2 * MARGIN + 1
+                while first < t and (first + BLOCK <= reach or largest_of_block(starts, j, first) < least):
+                    first += BLOCK
+                earliest[j] = first
         if total < UNREACHABLE:  # what explains the frame best cannot be behind it, and hides what can
-            largest, total = weigh_frame(log_emissions[t], mass, emissions[t])
-        log_likelihood += largest + np.log(total)
-        for j in range(components):
-            emissions[t, j] /= total
-            owed[j] = settle(memory[j, t : t + longest], owed[j], emissions[t, j])
-            leaving[t, j] = owed[j] * memory[j, t]
+            logarithm, total = weigh_frame(log_emissions[t], mass, emissions[t])
+        log_likelihood += logarithm + np.log(total)
+        enters[:] = 0.0
+        for i in range(components):
+            emissions[t, i] /= total
+            leaving[t, i] = ends[i] * emissions[t, i]
+            owed[i] = settle(starts, i, earliest[i], t + 1, owed[i], emissions[t, i])
+            for j in range(components):
+                enters[j] += leaving[t, i] * transitions[i, j]
     return log_likelihood
 
 
 @compiled_in_any_order
-def explain_rest(durations: FloatArray, ahead: FloatArray, owed: float, entering: float, counts: FloatArray) -> float:
-    """Likelihood of this frame and all after it, given that a segment of one component starts here.
+def explain_rest(durations: FloatArray, ahead: FloatArray, j: int, first: int, stop: int, part: int) -> float:
+    """Likelihood of this frame and all after it, given that a segment of component `j` starts here, but for the owed.
 
-    Args:
-        durations: (D,) of the component.
-        ahead: (D,) that likelihood by remaining time.
-        owed: What `ahead` is to be multiplied by.
-        entering: Probability that it starts here.
-        counts: (D,) gets the expected number of segments that start here added, each divided by the probability of
-            its duration.
+    `ahead` is that likelihood by the segment's last frame, from `first` to `stop`; `part` is the place of `first` in
+    `durations`.
     """
-    total = 0.0
-    for r in range(ahead.shape[0]):
-        total += durations[r] * ahead[r]
-    # Most frames start no segment. What is left out is below the rounding of what is counted.
-    if entering * owed * total > NEGLIGIBLE:
-        for r in range(ahead.shape[0]):
-            counts[r] += entering * owed * ahead[r]
-    return min(owed * total, CEILING)
+    at, where, total = np.uint64(first), np.uint64(part), 0.0
+    for r in range(np.uint64(stop - first)):
+        total += durations[j, where + r] * ahead[j, at + r]
+    return total
 
 
 @compiled_in_any_order
@@ -135,30 +161,43 @@ def backward_frames(
     """The backward pass over one demonstration, and its expected events.
 
     Args:
-        transitions: (K, K).
-        durations: (K, D).
+        transitions: (K, K), from column to row.
+        durations: (K, D + 2 MARGIN) within their margins.
         forward: The events of `forward_frames`.
         ends: (T, K) filled with the probability that a segment ends with a frame, given all frames.
         rest: (T, K) filled with the likelihood of a frame and all after it, given that a segment starts there.
-        counts: (K, D), see `explain_rest`.
+        counts: (K, D + 2 MARGIN) gets the expected number of segments that start here added, each divided by the
+            probability of its duration.
     """
     entering, leaving, emissions = forward
-    frames, components = emissions.shape
-    longest = durations.shape[1]
-    ahead, owed, before = np.ones((components, frames + longest)), np.ones(components), np.empty(components)
+    (frames, components), longest = emissions.shape, durations.shape[1] - 2 * MARGIN
+    ahead, owed, after = np.zeros((components, frames + longest + BLOCK)), np.ones(components), np.ones(components)
+    ahead[:, frames:] = 1.0  # the last segment of all may go on unseen
+    latest = np.full(components, (frames + longest + BLOCK - 1) // BLOCK * BLOCK)
     for back in range(frames):
         t = frames - 1 - back
-        before[:] = 0.0
+        here = t - t % BLOCK
         for j in range(components):
-            row = ahead[j, t : t + longest]
-            ends[t, j] = leaving[t, j] * owed[j] * row[0]
-            owed[j] = settle(row, owed[j], emissions[t, j])
-            rest[t, j] = explain_rest(durations[j], row, owed[j], entering[t, j], counts[j])
-        for i in range(components):
-            for j in range(components):
-                before[i] += transitions[i, j] * rest[t, j]
-            if t > 0:
-                ahead[i, t - 1] = min(before[i], CEILING) / owed[i]
+            after[j], last = min(after[j], CEILING), latest[j]
+            ends[t, j], ahead[j, t] = leaving[t, j] * after[j], after[j] / owed[j]
+            owed[j] = settle(ahead, j, t, last, owed[j], emissions[t, j])
+            total = explain_rest(durations, ahead, j, here, last, MARGIN + here - t)
+            share, rest[t, j] = entering[t, j] * owed[j], min(owed[j] * total, CEILING)
+            # Most frames start no segment. What is left out is below the rounding of what is counted.
+            if share * total > NEGLIGIBLE:
+                for r in range(last - t):
+                    counts[j, MARGIN + r] += share * ahead[j, t + r]
+            if t == here:
+                least = FORGOTTEN * total
+                while last > t + BLOCK and (
+                    last - BLOCK >= t + longest or largest_of_block(ahead, j, last - BLOCK) < least
+                ):
+                    last -= BLOCK
+                latest[j] = last
+        after[:] = 0.0
+        for j in range(components):
+            for i in range(components):
+                after[i] += transitions[j, i] * rest[t, j]
 
 
 @compiled
@@ -167,10 +206,8 @@ def occupy_components(starts: FloatArray, ends: FloatArray, responsibilities: Fl
 
     This spares keeping all T * K * D forward values.
     """
-    frames, components = starts.shape
-    for j in range(components):
-        occupied = 0.0
-        for t in range(frames):
-            occupied = max(occupied + starts[t, j], 0.0)
-            responsibilities[t, j] = occupied
-            occupied -= ends[t, j]
+    occupied = np.zeros(starts.shape[1])
+    for t in range(starts.shape[0]):
+        for j in range(starts.shape[1]):
+            responsibilities[t, j] = max(occupied[j] + starts[t, j], 0.0)
+            occupied[j] = responsibilities[t, j] - ends[t, j]
