@@ -56,9 +56,20 @@ def pytest_unconfigure(config: pytest.Config) -> None:
     shutil.rmtree(os.environ["ROS_LOG_DIR"], ignore_errors=True)
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what talks over DDS, before `-m` chooses by marks."""
+    for item in items:
+        if "ros_domain" in getattr(item, "fixturenames", ()):
+            item.add_marker(pytest.mark.talks)
+
+
 @pytest.fixture(scope="session")
 def ros_domain() -> int:
-    """The ROS 2 domain that is this session's alone; already in the environment, for children too."""
+    """The ROS 2 domain that is this session's alone; already in the environment, for children too.
+
+    Who talks over DDS asks for it, directly or by another fixture: `./mild test` runs such tests one by one.
+    """
     return int(os.environ["ROS_DOMAIN_ID"])
 
 

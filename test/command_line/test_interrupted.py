@@ -31,7 +31,9 @@ def _heed_control_c() -> None:
         (signal.SIGTERM, ("demo",), "record.log", "recording"),
     ],
 )
-def test_a_signal_ends_every_node(tmp_path: Path, number: int, command: tuple[str, ...], log: str, words: str) -> None:
+def test_a_signal_ends_every_node(
+    tmp_path: Path, ros_domain: int, number: int, command: tuple[str, ...], log: str, words: str
+) -> None:
     before = processes_left(MARK)
     words_of_mild = [sys.executable, "-m", "mild_ros.command_line.main", *command, "--out", str(tmp_path)]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}

@@ -25,14 +25,14 @@ LOGGED = [f"perception {reason}" for reason in ("missing_joint", "not_finite", "
 
 
 @pytest.fixture(scope="module")
-def replayed_room(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Room]:
+def replayed_room(tmp_path_factory: pytest.TempPathFactory, ros_domain: int) -> Iterator[Room]:
     """Processes that go on from fault to fault: that they need no restart is shown by the next one."""
     with private_domain() as domain, running_room(False, tmp_path_factory.mktemp("replayed"), domain) as room:
         yield room
 
 
 @pytest.fixture(scope="module")
-def live_room(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Room]:
+def live_room(tmp_path_factory: pytest.TempPathFactory, ros_domain: int) -> Iterator[Room]:
     with private_domain() as domain, running_room(True, tmp_path_factory.mktemp("live"), domain) as room:
         yield room
 
