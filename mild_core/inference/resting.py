@@ -24,7 +24,7 @@ BACK_M = 0.2
 """A still hand this near to where it rested before is back at rest, and does not touch anybody."""
 
 STILL_S = 5.0
-"""How long it has to be still. In recordings it takes the robot up to four seconds more to come back, or it stays away."""
+"""How long it has to be still. In recordings the robot takes up to four seconds more to come back, or stays away."""
 
 
 @dataclass(frozen=True, eq=False)
