@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from mild_core.learning.evaluation import TrialErrors
     from mild_core.learning.windows import Protocol
 
-LABELS = ("given", "recognised")
+RECOGNISED, STARTED = "recognised", "started"
+LABELS = ("given", RECOGNISED, STARTED)
 TEST = "test"
 
 
@@ -41,9 +42,13 @@ def evaluate(
     ] = "",
     config: Annotated[str, typer.Option(metavar="NAME|FILE", help="With --cv: how ours is trained, and on what.")] = "",
     split: Annotated[str, typer.Option(help="train or test trials, as published.")] = "train",
-    labels: Annotated[str, typer.Option(help="given: the model is told the interaction; recognised: it is not.")] = (
-        "given"
-    ),
+    labels: Annotated[
+        str,
+        typer.Option(
+            help="given: the model is told the interaction; recognised: it is not; started: it is told, and where the "
+            "robot stood before, as it would be by joint_states."
+        ),
+    ] = "given",
     cv: Annotated[bool, typer.Option("--cv", help="Cross-validate all methods over the training trials.")] = False,
     unknown: Annotated[
         bool, typer.Option("--unknown", help="Leave each interaction out: is it told unknown? Takes seconds.")
@@ -157,8 +162,9 @@ def _measure(
     predictor, right, windows = ModelPredictor(model, protocol), 0, 0
     errors: list[TrialErrors] = []
     for trial in track(trials, "measuring", console=Console(stderr=True), transient=True, disable=not trials):
-        answers = predictor.answers(trial, trial.interaction if labels == LABELS[0] else AUTO)
+        told = AUTO if labels == RECOGNISED else trial.interaction
+        answers = predictor.answers(trial, told, started=labels == STARTED)
         errors.append(errors_of_trial(trial, protocol, answers.predicted))
         right += sum(name == trial.interaction for name in answers.interactions)
         windows += len(answers.interactions)
-    return errors, right / windows if windows and labels != LABELS[0] else None
+    return errors, right / windows if windows and labels == RECOGNISED else None

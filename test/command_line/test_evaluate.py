@@ -25,7 +25,7 @@ def evaluate(model, data, *options):
     return run("evaluate", "--model", str(model), "--data", str(data), *options)
 
 
-@pytest.mark.parametrize("labels", ["given", "recognised"])
+@pytest.mark.parametrize("labels", ["given", "recognised", "started"])
 def test_json_holds_the_figures_and_nothing_else(model, data, labels, capsys):
     assert evaluate(model, data, "--labels", labels, "--json") == 0
     told = json.loads(capsys.readouterr().out)
@@ -38,7 +38,7 @@ def test_json_holds_the_figures_and_nothing_else(model, data, labels, capsys):
     assert told["macro"]["mse"] == pytest.approx(np.mean(errors))
     assert told["windows"] == sum(row["windows"] for row in told["interactions"].values()) == 81
     assert told["rmse_deg"] > 0
-    assert (told["recognised_share"] is None) == (labels == "given")
+    assert (told["recognised_share"] is None) == (labels != "recognised")
 
 
 def test_the_table_says_that_training_trials_are_no_test(model, data, capsys):

@@ -58,8 +58,13 @@ def _legend() -> list[Line2D]:
     ]
 
 
-LABELS = {"given": "told", "recognised": "recognising", "unknown": "not told"}
-"""What a method knows of the interaction."""
+LABELS = {
+    "given": "told",
+    "recognised": "recognising",
+    "unknown": "not told",
+    "given, start pose": "told, and where the robot stood",
+}
+"""What a method knows, by what `cross_validation` says that it was told."""
 
 
 def _name(row: Mapping[str, Any]) -> str:
