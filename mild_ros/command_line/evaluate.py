@@ -31,6 +31,13 @@ DATASET = Annotated[
         metavar="NAME|FOLDER", help="Which recording, or folder of trials [default: of model or configuration]."
     ),
 ]
+TOLD = Annotated[
+    str,
+    typer.Option(
+        help="given: the model is told the interaction; recognised: it is not; started: it is told, and where the robot "
+        "stood before, as it would be by joint_states."
+    ),
+]
 
 
 def evaluate(
@@ -42,13 +49,7 @@ def evaluate(
     ] = "",
     config: Annotated[str, typer.Option(metavar="NAME|FILE", help="With --cv: how ours is trained, and on what.")] = "",
     split: Annotated[str, typer.Option(help="train or test trials, as published.")] = "train",
-    labels: Annotated[
-        str,
-        typer.Option(
-            help="given: the model is told the interaction; recognised: it is not; started: it is told, and where the "
-            "robot stood before, as it would be by joint_states."
-        ),
-    ] = "given",
+    labels: TOLD = "given",
     cv: Annotated[bool, typer.Option("--cv", help="Cross-validate all methods over the training trials.")] = False,
     unknown: Annotated[
         bool, typer.Option("--unknown", help="Leave each interaction out: is it told unknown? Takes seconds.")
