@@ -100,7 +100,7 @@ TOPICS = (
         "the simulated robot's URDF, kept for late comers",
     ),
     Topic(
-        *("joint_states", "sensor_msgs/JointState", "robot, simulation or replay", "retargeting"),
+        *("joint_states", "sensor_msgs/JointState", "robot, simulation or replay", "inference, retargeting"),
         "where the robot is; no command before the first",
     ),
     Topic(

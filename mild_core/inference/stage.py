@@ -75,7 +75,9 @@ class Inference:
 
     @cached_property
     def _rest_frames(self) -> int:
-        return round(self.model.manifest.rest_s * self.model.manifest.rate_hz)
+        """How long memory moves on at rest, from the first window, which already holds a window of rest."""
+        manifest = self.model.manifest
+        return max(0, round(manifest.rest_s * manifest.rate_hz) - (manifest.window - 1))
 
     @cached_property
     def _still_frames(self) -> int:

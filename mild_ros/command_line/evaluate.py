@@ -34,8 +34,8 @@ DATASET = Annotated[
 TOLD = Annotated[
     str,
     typer.Option(
-        help="given: the model is told the interaction; recognised: it is not; started: it is told, and where the robot "
-        "stood before, as it would be by joint_states."
+        help="given: the model is told the interaction; recognised: it is not; started: it is told, and where the "
+        "robot stood before, as it would be by joint_states."
     ),
 ]
 
