@@ -34,9 +34,6 @@ Arrays = dict[str, NDArray[Any]]
 EVIDENCE_PER_S, KEPT_PER_S = 4.0, 0.67
 """Windows per second that recognition counts in full, and the share of the evidence that is left after a second."""
 
-MOST_RESTS = 0.9
-"""Share of the rests before the motion that are no longer than a model's `rest_s`."""
-
 ORIGIN = HumanPlacement((1.0, 0.0, 0.7), np.pi)
 """Where a person would stand if nobody says: an arm's length before the robot, facing it."""
 
@@ -110,9 +107,8 @@ def recognition_rates(rate_hz: float, members: int) -> FloatArray:
 
 
 def rest_s(demonstrations: Sequence[Demonstration]) -> float:
-    """How long most people rested before their motion; 0 where they moved at once [s]."""
-    found = [onset_frame(trial) / trial.rate_hz for trial in demonstrations]
-    return round(float(np.quantile(found, MOST_RESTS)), 2)
+    """The longest time that anybody rested before the motion; 0 where all moved at once [s]."""
+    return round(max(onset_frame(trial) / trial.rate_hz for trial in demonstrations), 2)
 
 
 def _manifest(
