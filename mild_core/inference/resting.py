@@ -47,8 +47,11 @@ class Rest:
 
 
 def first_seen(hand_m: FloatArray) -> Rest:
-    """A hand (3,) that nothing is known of."""
-    return Rest(hand_m, 0, False, hand_m, 0)
+    """A hand that nothing is known of but its last frames (T, 3)."""
+    rest = Rest(hand_m[0], 0, False, hand_m[0], 0)
+    for place_m in hand_m[1:]:
+        rest = watch(rest, place_m, 1)
+    return rest
 
 
 def watch(rest: Rest, hand_m: FloatArray, passed: int) -> Rest:

@@ -75,9 +75,7 @@ class Inference:
 
     @cached_property
     def _rest_frames(self) -> int:
-        """How long memory moves on at rest, from the first window, which already holds a window of rest."""
-        manifest = self.model.manifest
-        return max(0, round(manifest.rest_s * manifest.rate_hz) - (manifest.window - 1))
+        return round(self.model.manifest.rest_s * self.model.manifest.rate_hz)
 
     @cached_property
     def _still_frames(self) -> int:
@@ -196,8 +194,8 @@ class Inference:
         if reservoir is not None and np.isfinite(positions).all():
             units = reservoir.listen(positions, self.model.manifest.rate_hz, state.units, passed)[-1]
         if self.model.manifest.rest_s > 0.0:
-            hand_m = read_only(positions[-1, -3:])
-            rest = first_seen(hand_m) if state.rest is None else watch(state.rest, hand_m, passed)
+            hand_m = read_only(positions[:, -3:])
+            rest = first_seen(hand_m) if state.rest is None else watch(state.rest, hand_m[-1], passed)
         return replace(state, past=past, units=units, rest=rest)
 
     def _measured(self, state: InferenceState, given: JointMeasurement) -> InferenceState:

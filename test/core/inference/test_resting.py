@@ -58,7 +58,7 @@ def moving(trial) -> int:
 
 def test_after_a_minute_of_rest_answers_are_those_after_the_rest_that_was_learned(model):
     trial = made_trial(80, TWO[0], 130)
-    assert moving(trial) < 60  # so that a second more of rest reaches the bound
+    assert moving(trial) < 60
     short, long = (run(model, rested(trial, frames))[1][-70:] for frames in (200, 2400))
     np.testing.assert_array_equal(short, long)
     forgetful = replace(model, manifest=replace(model.manifest, rest_s=0.0))
@@ -92,7 +92,7 @@ def hand(rest, path):
 
 
 def test_a_hand_that_trembles_waits_and_one_that_leaves_does_not():
-    rest = first_seen(np.zeros(3))
+    rest = first_seen(np.zeros((1, 3)))
     trembling = hand(rest, 0.02 * np.random.default_rng(0).uniform(-1, 1, (100, 3)))
     assert is_waiting(trembling, 60)
     assert not is_waiting(trembling, 100)
@@ -100,8 +100,16 @@ def test_a_hand_that_trembles_waits_and_one_that_leaves_does_not():
     assert not is_back(trembling, 10)
 
 
+def test_a_hand_that_moves_in_the_first_window_does_not_wait():
+    rising = np.linspace(0.0, 0.2, 40)[:, None] * np.array([0.0, 0.0, 1.0])
+    assert first_seen(rising).moved
+    assert not is_waiting(first_seen(rising), 0)
+    assert is_waiting(first_seen(0.2 * rising), 38)
+    assert not is_waiting(first_seen(0.2 * rising), 39)
+
+
 @pytest.mark.parametrize(("height_m", "back"), [(0.1, True), (BACK_M + 0.05, False)])
 def test_a_hand_that_is_held_still_in_somebody_elses_is_not_back(height_m, back):
-    away = hand(first_seen(np.zeros(3)), [(0, 0, 0.4)] * 5)
+    away = hand(first_seen(np.zeros((1, 3))), [(0, 0, 0.4)] * 5)
     assert is_back(hand(away, [(0, 0, height_m)] * 81), 80) == back
     assert not is_back(hand(away, [(0, 0, height_m)] * 79), 80)
