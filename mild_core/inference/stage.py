@@ -185,14 +185,10 @@ class Inference:
         """The state with this window in all that remembers the arm's own motion: past, reservoir and rest."""
         passed = index - state.index
         positions = window.features[:, : 3 * len(window.joint_names)]
-        past, reservoir, units, rest = (
-            fade(state.past, positions[-1], self._kept, passed),
-            self.model.reservoir,
-            None,
-            None,
-        )
-        if reservoir is not None and np.isfinite(positions).all():
-            units = reservoir.listen(positions, self.model.manifest.rate_hz, state.units, passed)[-1]
+        past = fade(state.past, positions[-1], self._kept, passed)
+        units = rest = None
+        if self.model.reservoir is not None and np.isfinite(positions).all():
+            units = self.model.reservoir.listen(positions, self.model.manifest.rate_hz, state.units, passed)[-1]
         if self.model.manifest.rest_s > 0.0:
             hand_m = read_only(positions[:, -3:])
             rest = first_seen(hand_m) if state.rest is None else watch(state.rest, hand_m[-1], passed)

@@ -143,10 +143,8 @@ def _single(array: FloatArray) -> FloatArray:
 
 def _trials(corpus: Corpus, units: Reservoir, training: TrainingSettings, seed: tuple[int, int]) -> list[_Trial]:
     """Every trial after rests of all lengths, as recorded and bent."""
-    recorded = [
-        (_features(corpus, corpus.tracks, units, rest_s), _answers(corpus, corpus.tracks, units)) for rest_s in RESTS_S
-    ]
-    learned = list(recorded)
+    answered = _answers(corpus, corpus.tracks, units)
+    learned = [(_features(corpus, corpus.tracks, units, rest_s), answered) for rest_s in RESTS_S]
     if training.augmentation is not None and training.reservoir is not None:
         with drawing_from(*seed):
             for copy in range(training.reservoir.copies):
