@@ -62,7 +62,7 @@ LABELS = {
     "given": "told",
     "recognised": "recognising",
     "unknown": "not told",
-    "given, start pose": "told, and where the robot stood",
+    "given, start pose": "told, start pose",
 }
 """What a method knows, by what `cross_validation` says that it was told."""
 
