@@ -54,6 +54,11 @@ class MildModel:
     reservoir: Reservoir | None = None
     start_pose: StartPose | None = None
 
+    @property
+    def recognises(self) -> bool:
+        """Whether members have networks that tell interactions apart; otherwise their priors' likelihoods do."""
+        return "recogniser" in self.members[0].networks
+
 
 def build_model(manifest: Manifest, arrays: Arrays) -> MildModel:
     """Put a manifest and its arrays together.

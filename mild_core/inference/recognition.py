@@ -51,7 +51,7 @@ def recognise(before: Recognition, log_likelihoods: FloatArray, temper: float, f
 
     Args:
         before: The belief so far.
-        log_likelihoods: (P,) log p(frame | frames before, interaction), summed over a model's members.
+        log_likelihoods: (P,) log p(frame | frames before, interaction), but for a constant; the mean of all who tell.
         temper: Power of one frame's likelihood. Successive windows overlap by W - 1 frames, so they are far from
             independent.
         forgetting: Share of the evidence that is kept, so that a new interaction is noticed.

@@ -3,7 +3,8 @@
 
 Each unit leaks at its own pace, from a twentieth of a second to seconds, so that all of them together hold the last
 seconds of the arm's motion. Only the readouts are learned, in closed form: what they err in is not what the members
-err in, and the mean of both errs less than either.
+err in, and the mean of both errs less than either. They also tell interactions apart by what has been since the motion
+began, where a network sees a window.
 
 Source: Jaeger, Lukosevicius, Popovici, Siewert, "Optimization and applications of echo state networks with leaky-
 integrator neurons", Neural Networks 20 (2007).
@@ -20,8 +21,6 @@ from numpy.typing import NDArray
 from mild_core.compiled import compiled
 from mild_core.inference.territory import TakeArray
 from mild_core.shapes import FloatArray, read_only
-
-NAMES = ("intake", "sources", "strengths", "leak", "readout", "bias", "back", "mean", "share")
 
 SETTLED_S = 1.5
 """Whoever is seen first is taken to have stood like that for so long."""
@@ -68,6 +67,8 @@ class Reservoir:
         back: (A, W N) from coordinates to the controlled agent's window.
         mean: (W N,) of those windows.
         share: (1,) that its answer has beside the members'.
+        label_weight: (R + 9 J, P) from the same to the logarithms of the interactions' probabilities.
+        label_bias: (P,).
 
     Raises:
         ValueError: Its parts do not belong together.
@@ -82,6 +83,8 @@ class Reservoir:
     back: FloatArray
     mean: FloatArray
     share: FloatArray
+    label_weight: FloatArray
+    label_bias: FloatArray
 
     def __post_init__(self) -> None:
         if not np.isin(self.sources, np.arange(len(self.leak))).all():
@@ -120,9 +123,13 @@ class Reservoir:
             positions: (W, 3 J) the window [m].
             label: (P,) probability of each interaction.
         """
-        seen = np.concatenate([state, *positions[[-1, 0, (len(positions) - 1) // 2]]])
-        answer: FloatArray = (label @ (seen @ self.readout + self.bias)) @ self.back + self.mean
+        answer: FloatArray = (label @ (_seen(state, positions) @ self.readout + self.bias)) @ self.back + self.mean
         return answer
+
+    def tell_apart(self, state: FloatArray, positions: FloatArray) -> FloatArray:
+        """(P,) logarithms of the interactions' probabilities, but for a constant; arguments as for `answer`."""
+        logarithms: FloatArray = _seen(state, positions) @ self.label_weight + self.label_bias
+        return logarithms
 
     def blend(self, motion: FloatArray, covariance: FloatArray, answer: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The members' window (W, N) and `answer`, each with its share, and the covariance (N, N) of both.
@@ -134,7 +141,12 @@ class Reservoir:
 
     def to_arrays(self) -> dict[str, FloatArray]:
         """What `take_reservoir` takes."""
-        return {f"reservoir.{name}": getattr(self, name) for name in NAMES}
+        return {f"reservoir.{name}": getattr(self, name) for name in self.__dataclass_fields__}
+
+
+def _seen(state: FloatArray, positions: FloatArray) -> FloatArray:
+    """(R + 9 J,) what readouts see: the state, the newest frame, the oldest, the one between."""
+    return np.concatenate([state, *positions[[-1, 0, (len(positions) - 1) // 2]]])
 
 
 def take_reservoir(take: TakeArray, position_values: int, answer_values: int, interactions: int) -> Reservoir:
@@ -153,6 +165,8 @@ def take_reservoir(take: TakeArray, position_values: int, answer_values: int, in
         "bias": (interactions, len(back)),
         "mean": (answer_values,),
         "share": (1,),
+        "label_weight": (len(leak) + 3 * position_values, interactions),
+        "label_bias": (interactions,),
     }
     taken = {name: read_only(take(f"reservoir.{name}", shape)) for name, shape in shapes.items()}
     return Reservoir(leak=read_only(leak), sources=read_only(sources), back=read_only(back), **taken)

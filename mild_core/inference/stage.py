@@ -118,7 +118,7 @@ class Inference:
             found = self._observe(before, place, index, given, seen.past)
         except DataError as error:
             return state.refused(error), ()
-        recognition = self._recognise(before.recognition, found)
+        recognition = self._recognise(before.recognition, found, given, seen)
         generated = [m.generate(one, recognition.probabilities) for m, one in zip(self._members, found, strict=True)]
         strayed, strangeness = self._stray(before.strayed, given, found)
         answer = self._beside(combined(generated), given, seen, recognition)
@@ -147,14 +147,14 @@ class Inference:
         """
         self._check(state, window)
         before, index, _ = self._in_time(state, window)
-        past = self._seen(before, index, window).past
-        found = self._observe(before, index % len(before.copies), index, window, past)
-        recognition = self._recognise(before.recognition, found)
+        seen = self._seen(before, index, window)
+        found = self._observe(before, index % len(before.copies), index, window, seen.past)
+        recognition = self._recognise(before.recognition, found, window, seen)
         motions = []
         for alone in np.eye(found[0].weights.shape[1]):
-            sure = [seen._replace(weights=np.tile(alone, (len(seen.weights), 1))) for seen in found]
+            sure = [one._replace(weights=np.tile(alone, (len(one.weights), 1))) for one in found]
             label = recognition.probabilities
-            generated = [m.generate(seen, label) for m, seen in zip(self._members, sure, strict=True)]
+            generated = [m.generate(one, label) for m, one in zip(self._members, sure, strict=True)]
             motions.append(self._motion(window, recognition, 0.0, combined(generated)))
         return tuple(motions)
 
@@ -242,14 +242,21 @@ class Inference:
             raise DataError("not_finite", "a feature is NaN or infinite")
         return found
 
-    def _recognise(self, before: Recognition, found: tuple[Observed, ...]) -> Recognition:
+    def _recognise(
+        self, before: Recognition, found: tuple[Observed, ...], window: FeatureWindow, seen: InferenceState
+    ) -> Recognition:
         """A frame that no interaction can explain says nothing about which one it is."""
         if self.interaction != AUTO:
             return before
-        log_likelihoods = np.array([seen.log_likelihoods for seen in found])
+        log_likelihoods = np.array([one.log_likelihoods for one in found])
         if log_likelihoods.max() <= UNDERFLOW:
             return before
-        return recognise(before, log_likelihoods.sum(axis=0), self.model.temper, self.model.forgetting)
+        told = log_likelihoods.mean(axis=0)
+        if self.model.reservoir is not None and seen.units is not None:
+            positions = window.features[:, : 3 * len(window.joint_names)]
+            by_motion = self.model.reservoir.tell_apart(seen.units, positions)
+            told = 0.5 * (told + by_motion) if self.model.recognises else by_motion
+        return recognise(before, told, self.model.temper, self.model.forgetting)
 
     def _stray(
         self, strayed: FloatArray, window: FeatureWindow, found: tuple[Observed, ...]

@@ -94,19 +94,19 @@ def export(
         for name, prior in zip(trained.interactions, member.prior.priors, strict=True):
             found |= {f"prior.{name}.{key}": np.asarray(value) for key, value in prior.to_arrays().items()}
         arrays |= {f"member_{index}.{name}": array for name, array in found.items()}
-    if trained.settings.recogniser is not None:
+    if trained.settings.recogniser is not None or trained.reservoir is not None:
         rate_hz = demonstrations[0].rate_hz / trained.protocol.keep_every
-        arrays["recognition"] = recognition_rates(rate_hz, len(trained.members))
+        arrays["recognition"] = recognition_rates(rate_hz)
     longest = max(p.chain.longest for member in trained.members for p in member.prior.priors)
     return _manifest(trained, demonstrations, facts, tuple(members), longest), arrays
 
 
-def recognition_rates(rate_hz: float, members: int) -> FloatArray:
+def recognition_rates(rate_hz: float) -> FloatArray:
     """Temper and forgetting (2,) of a model whose recognisers see `rate_hz` windows a second.
 
-    Members' log-likelihoods are added, and successive windows are far from independent: they count by time.
+    Successive windows are far from independent: they count by time.
     """
-    return np.array([min(1.0, EVIDENCE_PER_S / rate_hz / members), KEPT_PER_S ** (1.0 / rate_hz)])
+    return np.array([min(1.0, EVIDENCE_PER_S / rate_hz), KEPT_PER_S ** (1.0 / rate_hz)])
 
 
 def rest_s(demonstrations: Sequence[Demonstration]) -> float:

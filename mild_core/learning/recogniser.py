@@ -82,7 +82,7 @@ def train_recogniser(
         tracks, first = bend(corpus.tracks, augmentation), int(torch.randint(STRIDE, ()))
         batch = cut_tracks(corpus, tracks, first, STRIDE, phase)
         observed = tracks.observed[:, phase :: corpus.protocol.keep_every]
-        newest = _started(observed)[:, first + width - 1 :: STRIDE]
+        newest = has_started(observed)[:, first + width - 1 :: STRIDE]
         wanted = functional.one_hot(batch.label, labels).float()[:, None].expand(*batch.valid.shape, -1)
         wanted = torch.where(newest[:, : batch.valid.shape[1], None], wanted, torch.full_like(wanted, 1.0 / labels))
         pasts = faded(observed[:, width - 1 :], past_s, corpus.rate_hz)[:, first::STRIDE][:, : batch.valid.shape[1]]
@@ -115,8 +115,8 @@ def _past_coordinates(corpus: Corpus, past_s: Sequence[float]) -> Coordinates:
     return Coordinates(mean, torch.eye(size), torch.full((size,), float(recorded.std())), torch.ones(size))
 
 
-def _started(observed: Tensor) -> Tensor:
-    """(B, T) whether the hand, the last joint of (B, T, 3 J), has ever left its first place."""
+def has_started(observed: Tensor) -> Tensor:
+    """(B, T) whether the hand, the last joint of positions (B, T, 3 J) [m], has ever left its first place."""
     hand = observed[..., -3:]
     started: Tensor = ((hand - hand[:, :1]).norm(dim=-1) > STARTED_M).cumsum(dim=1) > 0
     return started

@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Learning a reservoir's readouts: one linear system per interaction, its penalty by trials left out.
+"""Learning a reservoir's readouts: the answers of each interaction alone, and from all of them which one it is.
 
-A trial begins a second or two before its motion, and how long before is nearly the same in all: units that remember
-could read the time from that and answer it instead of the person. At run time people stand for minutes. So every trial
-is learned from after rests of several lengths.
+Each is one linear system; its penalty, and how sharply interactions are told apart, are chosen by trials left out.
 """
 
 from __future__ import annotations
@@ -13,60 +11,48 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mild_core.inference.reservoir import SETTLED_S, Reservoir
-from mild_core.learning.corpus import Corpus, Tracks, bend, corpus_of, cut_tracks
+from mild_core.inference.reservoir import Reservoir
+from mild_core.learning.corpus import Corpus, corpus_of
 from mild_core.learning.demonstration import Demonstration
-from mild_core.learning.draws import drawing_from
+from mild_core.learning.reservoir_trials import STRIDE, Trial, answers_of, probabilities_of, seen_trials
+from mild_core.learning.ridge import Linear, solve, total
 from mild_core.learning.settings import ReservoirSettings, TrainingSettings
 from mild_core.learning.windows import Protocol
 from mild_core.shapes import FloatArray
 
 PENALTIES = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
+LABEL_PENALTIES = (0.001, 0.01, 0.1, 1.0, 10.0)
+SHARPNESSES = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 13.0)
 INNER_FOLDS = 3
-
-STRIDE = 4
-"""One window in so many is learned from: neighbours are almost equal."""
 
 ANSWER_COORDINATES = 20
 """Principal components of the controlled agent's window: they hold all but a thousandth of its variance."""
 
-RESTS_S = (SETTLED_S, 10.0, 50.0)
-"""How long a person has stood before a trial, each time that it is learned from."""
-
-LEAST_SCALE_M, LEAST_SPREAD = 1e-6, 1e-6
-"""What differs by less does not differ."""
+LEAST_SCALE_M = 1e-6
+"""Positions that differ by less do not differ."""
 
 
 @dataclass(frozen=True, eq=False)
-class _Moments:
-    """Sums over windows: how many, of features (F,), of answers (A,), of products (F, F) and (F, A)."""
+class _Part:
+    """One reservoir of several.
 
-    count: int
-    features: FloatArray
-    answers: FloatArray
-    squares: FloatArray
-    products: FloatArray
+    Attributes:
+        units: Without readouts.
+        answers: A readout for each interaction.
+        labels: That of the interactions' probabilities.
+        left_out: (n, A) answers of those that have not learned from a trial, for each trial.
+        told: (n, P) probabilities, likewise.
+    """
 
-    def __add__(self, other: _Moments) -> _Moments:
-        return _Moments(*(getattr(self, name) + getattr(other, name) for name in self.__dataclass_fields__))
-
-
-@dataclass(frozen=True, eq=False)
-class _Linear:
-    """An answer (A,) to features (F,): weight (F, A), bias (A,)."""
-
-    weight: FloatArray
-    bias: FloatArray
+    units: Reservoir
+    answers: list[Linear]
+    labels: Linear
+    left_out: list[FloatArray]
+    told: list[FloatArray]
 
 
-@dataclass(frozen=True, eq=False)
-class _Trial:
-    """Features (n, F) and answers (n, A) of a trial as recorded, and moments of all that is learned from it."""
-
-    label: int
-    features: FloatArray
-    answers: FloatArray
-    moments: _Moments
+_Folds = list[tuple[list[int], list[int]]]
+"""Numbers of the trials learned from, and of those left out."""
 
 
 def fit_reservoir(
@@ -93,20 +79,39 @@ def fit_reservoir(
     if settings is None:
         return None
     corpus = corpus_of(demonstrations, protocol, interactions)
-    every = np.concatenate(_answers(corpus, corpus.tracks))
+    every = np.concatenate(answers_of(corpus, corpus.tracks))
     mean = every.mean(axis=0)
     back = np.linalg.svd((every - mean)[::STRIDE], full_matrices=False)[2][:ANSWER_COORDINATES]
-    parts, left_out = [], [np.zeros(0)] * len(demonstrations)
-    for number in range(settings.count):
-        units = _drawn(corpus, settings, np.random.default_rng((seed, number)), back, mean)
-        trials = _trials(corpus, units, training, (seed, number))
-        scale = np.sqrt(np.maximum(_covariance(_sum(trials)).diagonal(), 0.0)) + LEAST_SPREAD
-        penalty = _chosen(trials, scale)
-        own = [_sum([trial for trial in trials if trial.label == label]) for label in _labels(trials)]
-        parts.append((units, [_solve(moments, scale, penalty) for moments in own]))
-        answers = [(answer @ back + mean) / settings.count for answer in _left_out(trials, scale, penalty)]
-        left_out = [answer + before if number else answer for answer, before in zip(answers, left_out, strict=True)]
-    return _together(parts), left_out
+    parts = [_learn(corpus, training, (seed, number), back, mean) for number in range(settings.count)]
+    left_out, told = (
+        [np.mean(said, axis=0) for said in zip(*of_parts, strict=True)]
+        for of_parts in ([part.left_out for part in parts], [part.told for part in parts])
+    )
+    sharpness = _sharpness(np.concatenate(told), np.concatenate(probabilities_of(corpus, corpus.tracks)))
+    return _together(parts, sharpness), [answer @ back + mean for answer in left_out]
+
+
+def _learn(
+    corpus: Corpus, training: TrainingSettings, seed: tuple[int, int], back: FloatArray, mean: FloatArray
+) -> _Part:
+    """One reservoir and its readouts."""
+    assert training.reservoir is not None
+    units = _drawn(corpus, training.reservoir, np.random.default_rng(seed), back, mean)
+    trials = seen_trials(corpus, units, training, seed)
+    scale = total([trial.moments for trial in trials]).scale()
+    answer, label = slice(len(back)), slice(len(back), None)
+    known = sorted({trial.label for trial in trials})
+    apart = [fold for one in known for fold in _folds(trials, [one])]
+    together = _folds(trials, known)
+    penalty = _chosen(trials, scale, apart, PENALTIES, answer)
+    label_penalty = _chosen(trials, scale, together, LABEL_PENALTIES, label)
+    return _Part(
+        units,
+        [_readout([t for t in trials if t.label == one], scale, penalty, answer) for one in known],
+        _readout(trials, scale, label_penalty, label),
+        _left_out(trials, scale, apart, penalty, answer),
+        _left_out(trials, scale, together, label_penalty, label),
+    )
 
 
 def _drawn(
@@ -133,6 +138,8 @@ def _drawn(
         back=back,
         mean=mean,
         share=np.array([settings.share]),
+        label_weight=np.zeros((units + 3 * values, labels)),
+        label_bias=np.zeros(labels),
     )
 
 
@@ -141,124 +148,81 @@ def _single(array: FloatArray) -> FloatArray:
     return array.astype(np.float32).astype(np.float64)
 
 
-def _trials(corpus: Corpus, units: Reservoir, training: TrainingSettings, seed: tuple[int, int]) -> list[_Trial]:
-    """Every trial after rests of all lengths, as recorded and bent."""
-    answered = _answers(corpus, corpus.tracks, units)
-    learned = [(_features(corpus, corpus.tracks, units, rest_s), answered) for rest_s in RESTS_S]
-    if training.augmentation is not None and training.reservoir is not None:
-        with drawing_from(*seed):
-            for copy in range(training.reservoir.copies):
-                bent = bend(corpus.tracks, replace(training.augmentation, copies=1))
-                rest_s = RESTS_S[copy % len(RESTS_S)]
-                learned.append((_features(corpus, bent, units, rest_s), _answers(corpus, bent, units)))
-    trials = []
-    for place, label in enumerate(corpus.tracks.label.tolist()):
-        pairs = [(features[place], answers[place]) for features, answers in learned]
-        moments = [_moments(features, answers) for features, answers in pairs]
-        trials.append(_Trial(label, *pairs[0], sum(moments[1:], moments[0])))
-    return trials
+def _readout(trials: Sequence[Trial], scale: FloatArray, penalty: float, columns: slice) -> Linear:
+    """Of some trials, to some columns of what is wanted."""
+    one = solve(total([trial.moments for trial in trials]), scale, penalty)
+    return Linear(one.weight[:, columns], one.bias[columns])
 
 
-def _features(corpus: Corpus, tracks: Tracks, units: Reservoir, rest_s: float) -> list[FloatArray]:
-    """(n, F) of every `STRIDE`-th window of each trial: states, newest frame, oldest, the one between."""
-    protocol, found = corpus.protocol, []
-    for observed, alive in zip(tracks.observed, tracks.alive, strict=True):
-        frames = int(alive.sum()) // protocol.keep_every
-        positions = observed[: frames * protocol.keep_every : protocol.keep_every].double().numpy()
-        rest = np.repeat(positions[:1], round((rest_s - SETTLED_S) * corpus.rate_hz), axis=0)
-        states = units.listen(np.vstack([rest, positions]), corpus.rate_hz, None, 0)[len(rest) :]
-        newest = np.arange(protocol.window - 1, protocol.window - 1 + protocol.windows_of(frames), STRIDE)
-        seen = [positions[newest - back] for back in (0, protocol.window - 1, protocol.window // 2)]
-        found.append(np.hstack([states[newest], *seen]))
-    return found
-
-
-def _answers(corpus: Corpus, tracks: Tracks, units: Reservoir | None = None) -> list[FloatArray]:
-    """(N, W J) windows of each trial; with units, (n, A) coordinates of every `STRIDE`-th."""
-    batch = cut_tracks(corpus, tracks, 0, 1)
-    answers = [a[v > 0].double().numpy() for a, v in zip(batch.answer, batch.valid, strict=True)]
-    return answers if units is None else [((a - units.mean) @ units.back.T)[::STRIDE] for a in answers]
-
-
-def _moments(features: FloatArray, answers: FloatArray) -> _Moments:
-    sums = features.sum(axis=0), answers.sum(axis=0)
-    return _Moments(len(features), *sums, features.T @ features, features.T @ answers)
-
-
-def _sum(trials: Sequence[_Trial]) -> _Moments:
-    return sum((t.moments for t in trials[1:]), trials[0].moments)
-
-
-def _labels(trials: Sequence[_Trial]) -> list[int]:
-    return sorted({trial.label for trial in trials})
-
-
-def _covariance(moments: _Moments) -> FloatArray:
-    """(F, F) of the features."""
-    middle = moments.features / moments.count
-    return moments.squares / moments.count - np.outer(middle, middle)
-
-
-def _solve(moments: _Moments, scale: FloatArray, penalty: float) -> _Linear:
-    """Ridge regression of features divided by `scale` (F,), which is the same for all interactions.
-
-    Source: Hoerl, Kennard, "Ridge regression", Technometrics 12 (1970).
-    """
-    middle, answer = moments.features / moments.count, moments.answers / moments.count
-    right = (moments.products / moments.count - np.outer(middle, answer)) / scale[:, None]
-    square = _covariance(moments) / np.outer(scale, scale) + penalty * np.eye(len(scale))
-    weight = np.asarray(np.linalg.solve(square, right) / scale[:, None], dtype=np.float64)
-    return _Linear(weight, answer - middle @ weight)
-
-
-def _folds(trials: Sequence[_Trial]) -> list[tuple[list[int], list[int]]]:
-    """Of each interaction a third of the trials left out, three times: numbers of those learned from, and of those."""
+def _folds(trials: Sequence[Trial], labels: Sequence[int]) -> _Folds:
+    """Of the trials of some interactions a third of each left out, three times; a single one never is."""
+    own = [[place for place, trial in enumerate(trials) if trial.label == label] for label in labels]
     found = []
-    for label in _labels(trials):
-        own = [place for place, trial in enumerate(trials) if trial.label == label]
-        for fold in range(min(INNER_FOLDS, len(own)) if len(own) > 1 else 0):
-            out = own[fold::INNER_FOLDS]
-            found.append(([place for place in own if place not in out], out))
+    for fold in range(INNER_FOLDS):
+        out = [place for places in own if len(places) > 1 for place in places[fold::INNER_FOLDS]]
+        if out:
+            found.append(([place for places in own for place in places if place not in out], out))
     return found
 
 
-def _chosen(trials: Sequence[_Trial], scale: FloatArray) -> float:
+def _chosen(
+    trials: Sequence[Trial], scale: FloatArray, folds: _Folds, penalties: Sequence[float], columns: slice
+) -> float:
     """The penalty with the least sum over interactions of errors relative to the interaction's least."""
-    errors = np.zeros((max(_labels(trials)) + 1, len(PENALTIES)))
-    for learned, out in _folds(trials):
-        moments = _sum([trials[place] for place in learned])
-        for column, penalty in enumerate(PENALTIES):
-            one = _solve(moments, scale, penalty)
+    errors = np.zeros((max(trial.label for trial in trials) + 1, len(penalties)))
+    for learned, out in folds:
+        moments = total([trials[place].moments for place in learned])
+        for column, penalty in enumerate(penalties):
+            one = solve(moments, scale, penalty)
             for trial in (trials[place] for place in out):
-                errors[trial.label, column] += ((trial.features @ one.weight + one.bias - trial.answers) ** 2).sum()
+                errors[trial.label, column] += ((one.answer(trial.features) - trial.wanted)[:, columns] ** 2).sum()
     errors /= np.maximum(errors.min(axis=1, keepdims=True), np.finfo(float).tiny)
-    return PENALTIES[int(errors.sum(axis=0).argmin())]
+    return penalties[int(errors.sum(axis=0).argmin())]
 
 
-def _left_out(trials: Sequence[_Trial], scale: FloatArray, penalty: float) -> list[FloatArray]:
-    """(n, A) what is answered to each trial by readouts learned without it; of a single one, the mean answer."""
-    answers = [np.tile(trial.answers.mean(axis=0), (len(trial.answers), 1)) for trial in trials]
-    for learned, out in _folds(trials):
-        one = _solve(_sum([trials[place] for place in learned]), scale, penalty)
+def _left_out(
+    trials: Sequence[Trial], scale: FloatArray, folds: _Folds, penalty: float, columns: slice
+) -> list[FloatArray]:
+    """What is said of each trial by readouts learned without it; of one that is never left out, what is mostly so."""
+    said = [np.tile(trial.wanted[:, columns].mean(axis=0), (len(trial.wanted), 1)) for trial in trials]
+    for learned, out in folds:
+        one = _readout([trials[place] for place in learned], scale, penalty, columns)
         for place in out:
-            answers[place] = trials[place].features @ one.weight + one.bias
-    return answers
+            said[place] = one.answer(trials[place].features)
+    return said
 
 
-def _together(parts: Sequence[tuple[Reservoir, list[_Linear]]]) -> Reservoir:
+def _sharpness(told: FloatArray, probable: FloatArray) -> float:
+    """What `told` (n, P) is multiplied with so that its softmax comes nearest to what is probable (n, P)."""
+
+    def surprise(sharpness: float) -> float:
+        logits = sharpness * told
+        return float((probable * (np.logaddexp.reduce(logits, axis=1, keepdims=True) - logits)).sum())
+
+    return min(SHARPNESSES, key=surprise)
+
+
+def _together(parts: Sequence[_Part], sharpness: float) -> Reservoir:
     """Several reservoirs as one, whose answer is the mean of theirs."""
-    first, count, units = parts[0][0], len(parts), len(parts[0][0].leak)
-    readouts = []
-    for label in range(len(parts[0][1])):
-        weights = [linear[label].weight / count for _, linear in parts]
-        frames = sum((weight[units:] for weight in weights[1:]), weights[0][units:])
-        readouts.append(np.vstack([*(weight[:units] for weight in weights), frames]))
+    first, units = parts[0].units, len(parts[0].units.leak)
+    readouts = [_side_by_side(own, units) for own in zip(*(part.answers for part in parts), strict=True)]
+    labels = _side_by_side([part.labels for part in parts], units)
     return replace(
         first,
-        intake=np.hstack([one.intake for one, _ in parts]),
-        sources=np.hstack([one.sources + number * units for number, (one, _) in enumerate(parts)]),
-        strengths=np.hstack([one.strengths for one, _ in parts]),
-        leak=np.concatenate([one.leak for one, _ in parts]),
-        readout=np.array(readouts),
-        bias=np.array([np.mean([linear[p].bias for _, linear in parts], axis=0) for p in range(len(readouts))]),
+        intake=np.hstack([part.units.intake for part in parts]),
+        sources=np.hstack([part.units.sources + number * units for number, part in enumerate(parts)]),
+        strengths=np.hstack([part.units.strengths for part in parts]),
+        leak=np.concatenate([part.units.leak for part in parts]),
+        readout=np.array([one.weight for one in readouts]),
+        bias=np.array([one.bias for one in readouts]),
+        label_weight=sharpness * labels.weight,
+        label_bias=sharpness * labels.bias,
     )
+
+
+def _side_by_side(readouts: Sequence[Linear], units: int) -> Linear:
+    """The mean of several readouts, each of its own `units` units and all of the same frames."""
+    weights = [one.weight / len(readouts) for one in readouts]
+    frames = sum((weight[units:] for weight in weights[1:]), weights[0][units:])
+    bias: FloatArray = np.mean([one.bias for one in readouts], axis=0)
+    return Linear(np.vstack([*(weight[:units] for weight in weights), frames]), bias)

@@ -29,7 +29,8 @@ from mild_core.learning.folds import folds_of, require_folds
 from mild_core.learning.objective import Objective
 from mild_core.learning.recogniser import Recogniser, train_recogniser
 from mild_core.learning.reestimation import refit
-from mild_core.learning.reservoir import STRIDE, fit_reservoir
+from mild_core.learning.reservoir import fit_reservoir
+from mild_core.learning.reservoir_trials import STRIDE
 from mild_core.learning.settings import Augmentation, TrainingSettings
 from mild_core.learning.snapshot import Learner, Snapshot
 from mild_core.learning.start_pose import fit_start_pose

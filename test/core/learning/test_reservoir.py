@@ -9,13 +9,15 @@ import pytest
 from mild_core.errors import ModelError
 from mild_core.inference.model import build_model
 from mild_core.inference.reservoir import Reservoir
+from mild_core.inference.stage import Inference
 from mild_core.learning.export import ModelFacts, export
 from mild_core.learning.learned_model import finished
 from mild_core.learning.model_predictor import ModelPredictor
-from mild_core.learning.reservoir import STRIDE, fit_reservoir
+from mild_core.learning.reservoir import fit_reservoir
+from mild_core.learning.reservoir_trials import STRIDE
 from mild_core.learning.settings import PAPER, ReservoirSettings
 from mild_core.learning.training import train
-from mild_core.learning.windows import PROTOCOLS, cut
+from mild_core.learning.windows import PROTOCOLS, cut, feature_windows, onset_frame
 from test.core.learning.made_trials import made_trial, made_trials
 from test.core.learning.small_settings import SMALL, TWO
 
@@ -59,6 +61,52 @@ def error(reservoir: Reservoir, number: int, rested: int = 0) -> float:
 @pytest.mark.parametrize("rested", [0, 300, 4000])
 def test_it_answers_a_new_trial_much_better_than_the_mean_answer_after_any_rest(reservoir, number, rested):
     assert error(reservoir, number, rested) < 0.3
+
+
+def aside(trial):
+    """The same movement to the side instead of forward: what tells `push` from `reach` here."""
+    return replace(trial, observed_m=trial.observed_m[..., [1, 0, 2]]) if trial.interaction == "push" else trial
+
+
+@pytest.fixture(name="telling", scope="module")
+def _telling() -> Reservoir:
+    found = fit_reservoir([aside(t) for t in made_trials(each=4, frames=300)], SAME_SECOND, TWO, SETTINGS, 0)
+    assert found is not None
+    return found[0]
+
+
+@pytest.mark.parametrize("number", [0, 1])
+@pytest.mark.parametrize("rested", [0, 4000])
+def test_it_tells_new_trials_apart_once_the_hand_has_moved_and_until_the_end(telling, number, rested):
+    trial = aside(made_trial(50, TWO[number], 300))
+    track = trial.observed_m.reshape(trial.frames, -1)
+    states = telling.listen(np.vstack([np.repeat(track[:1], rested, axis=0), track]), trial.rate_hz, None, 0)[rested:]
+    logits = np.array([telling.tell_apart(states[n], track[n - 39 : n + 1]) for n in range(39, trial.frames)])
+    probability = np.exp(logits[:, number] - np.logaddexp(*logits.T))
+    begun = onset_frame(trial) - 39
+    assert begun > 10
+    # At rest nobody can know: one of two, give or take what regression makes of another person's posture.
+    assert abs(probability[0] - 0.5) < 0.2
+    assert probability[begun + 20 :].min() > 0.8
+
+
+@pytest.mark.parametrize("network", [True, False])
+def test_it_and_the_networks_have_equal_say_in_which_interaction_it_is(network):
+    settings = SETTINGS if network else replace(SETTINGS, recogniser=None)
+    trials = [aside(trial) for trial in TRIALS]
+    model = build_model(
+        *export(finished(train(trials, SAME_SECOND, settings, 0)), trials, np.eye(3), ModelFacts("small"))
+    )
+    window = list(feature_windows(trials[5], SAME_SECOND))[60]
+    stage, values = Inference(model), window.features.ravel()
+    state, _ = stage.step(stage.init(), window, window.stamp_ns)
+    wanted = model.reservoir.tell_apart(model.reservoir.listen(window.features, 40.0, None, 0)[-1], window.features)
+    if network:
+        run = model.members[0].networks["recogniser"].run
+        logits = run(values.astype(np.float32), np.zeros(0, np.float32))[0].astype(np.float64)
+        wanted = 0.5 * (wanted + logits - np.logaddexp(*logits))
+    np.testing.assert_allclose(state.recognition.evidence, model.temper * (wanted - wanted.max()), atol=1e-6)
+    assert np.ptp(state.recognition.evidence) > 1e-3
 
 
 @pytest.mark.parametrize(("gain", "forgets"), [(1.2, True), (2.5, False)])
@@ -124,6 +172,7 @@ def test_the_stage_blends_it_with_the_members_and_a_folder_keeps_it():
         ("leak", np.full(120, 1.5)),
         ("share", np.full(1, 1.5)),
         ("bias", np.zeros((2, 3))),
+        ("label_weight", np.zeros((120, 2))),
         ("mean", np.full(120, np.nan)),
     ],
 )

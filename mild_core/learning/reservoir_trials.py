@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a reservoir learns from: its states and frames of each trial, the answers, and which interaction it is.
+
+A trial begins a second or two before its motion, and how long before is nearly the same in all: units that remember
+could read the time from that and answer it instead of the person. At run time people stand for minutes. So every trial
+is learned from after rests of several lengths.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mild_core.inference.reservoir import SETTLED_S, Reservoir
+from mild_core.learning.corpus import Corpus, Tracks, bend, cut_tracks
+from mild_core.learning.draws import drawing_from
+from mild_core.learning.recogniser import has_started
+from mild_core.learning.ridge import Moments, moments_of, total
+from mild_core.learning.settings import TrainingSettings
+from mild_core.learning.windows import Protocol
+from mild_core.shapes import FloatArray
+
+STRIDE = 4
+"""One window in so many is learned from: neighbours are almost equal."""
+
+RESTS_S = (SETTLED_S, 10.0, 50.0)
+"""How long a person has stood before a trial, each time that it is learned from."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A trial as recorded, and all that is learned from it.
+
+    Attributes:
+        label: Number of its interaction.
+        features: (n, F) of every `STRIDE`-th window.
+        wanted: (n, A + P) coordinates of the answer, then how probable each interaction is.
+        moments: Of both, after rests of all lengths.
+    """
+
+    label: int
+    features: FloatArray
+    wanted: FloatArray
+    moments: Moments
+
+
+def seen_trials(corpus: Corpus, units: Reservoir, training: TrainingSettings, seed: tuple[int, int]) -> list[Trial]:
+    """Every trial after rests of all lengths, as recorded and bent.
+
+    Args:
+        corpus: The trials.
+        units: A reservoir without readouts.
+        training: Its `augmentation`, and how many bent copies its `reservoir` wants.
+        seed: Of how they are bent.
+    """
+    wanted = _wanted(corpus, corpus.tracks, units)
+    learned = [(_features(corpus, corpus.tracks, units, rest_s), wanted) for rest_s in RESTS_S]
+    if training.augmentation is not None and training.reservoir is not None:
+        with drawing_from(*seed):
+            for copy in range(training.reservoir.copies):
+                bent = bend(corpus.tracks, replace(training.augmentation, copies=1))
+                rest_s = RESTS_S[copy % len(RESTS_S)]
+                learned.append((_features(corpus, bent, units, rest_s), _wanted(corpus, bent, units)))
+    trials = []
+    for place, label in enumerate(corpus.tracks.label.tolist()):
+        pairs = [(features[place], answers[place]) for features, answers in learned]
+        trials.append(Trial(label, *pairs[0], total([moments_of(*pair) for pair in pairs])))
+    return trials
+
+
+def _features(corpus: Corpus, tracks: Tracks, units: Reservoir, rest_s: float) -> list[FloatArray]:
+    """(n, F) of every `STRIDE`-th window of each trial: states, newest frame, oldest, the one between."""
+    protocol, found = corpus.protocol, []
+    for observed, alive in zip(tracks.observed, tracks.alive, strict=True):
+        frames = int(alive.sum()) // protocol.keep_every
+        positions = observed[: frames * protocol.keep_every : protocol.keep_every].double().numpy()
+        rest = np.repeat(positions[:1], round((rest_s - SETTLED_S) * corpus.rate_hz), axis=0)
+        states = units.listen(np.vstack([rest, positions]), corpus.rate_hz, None, 0)[len(rest) :]
+        newest = _newest(protocol, frames)
+        seen = [positions[newest - back] for back in (0, protocol.window - 1, protocol.window // 2)]
+        found.append(np.hstack([states[newest], *seen]))
+    return found
+
+
+def _newest(protocol: Protocol, frames: int) -> NDArray[np.int64]:
+    """Number of the newest frame of every `STRIDE`-th window of a trial."""
+    return np.arange(protocol.window - 1, protocol.window - 1 + protocol.windows_of(frames), STRIDE)
+
+
+def _wanted(corpus: Corpus, tracks: Tracks, units: Reservoir) -> list[FloatArray]:
+    """(n, A + P) of every `STRIDE`-th window of each trial."""
+    answers = [((answer - units.mean) @ units.back.T)[::STRIDE] for answer in answers_of(corpus, tracks)]
+    return [np.hstack(both) for both in zip(answers, probabilities_of(corpus, tracks), strict=True)]
+
+
+def answers_of(corpus: Corpus, tracks: Tracks) -> list[FloatArray]:
+    """(N, W J) windows of each trial."""
+    batch = cut_tracks(corpus, tracks, 0, 1)
+    return [a[v > 0].double().numpy() for a, v in zip(batch.answer, batch.valid, strict=True)]
+
+
+def probabilities_of(corpus: Corpus, tracks: Tracks) -> list[FloatArray]:
+    """(n, P) of every `STRIDE`-th window of each trial: before the hand has moved, all are alike."""
+    protocol, certain, found = corpus.protocol, np.eye(len(corpus.interactions)), []
+    for observed, alive, label in zip(tracks.observed, tracks.alive, tracks.label.tolist(), strict=True):
+        frames = int(alive.sum()) // protocol.keep_every
+        started = has_started(observed[None, : frames * protocol.keep_every : protocol.keep_every])[0].numpy()
+        found.append(np.where(started[_newest(protocol, frames), None], certain[label], 1.0 / len(certain)))
+    return found
