@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mild_core.inference.priors.filtering import UNDERFLOW, filter_frames
-from mild_core.inference.priors.smoothing import MARGIN, backward_frames, forward_frames, occupy_components
+from mild_core.inference.priors.smoothing import MARGIN, below_largest, expect_demonstrations
 from mild_core.shapes import FloatArray, read_only, require_shape
 
 
@@ -102,25 +102,16 @@ def expect(chain: Chain, log_emissions: FloatArray, lengths: Sequence[int]) -> C
     Source: METHOD section 2, explicit-duration forward pass; Yu (2010), section 2.2.
     """
     require_shape("log_emissions", log_emissions, (sum(lengths), chain.components))
-    responsibilities = np.empty_like(log_emissions)
-    largest = np.maximum.reduce(list(log_emissions.T))  # column by column: rows are too short to be fast
-    densities = np.exp(log_emissions - largest[:, None])
+    densities, largest = np.empty_like(log_emissions), np.empty(len(log_emissions))
+    below_largest(log_emissions, largest, densities)
+    np.exp(densities, out=densities)
     margins = ((0, 0), (MARGIN, MARGIN))
     ending, lasting = (np.pad(a, margins) for a in (chain.durations[:, ::-1], chain.durations[:, ::-1].cumsum(axis=1)))
-    forward, back = (chain.initial, chain.transitions, lasting, ending), np.ascontiguousarray(chain.transitions.T)
-    initial, transitions, lasts = np.zeros(len(back)), np.zeros(back.shape), np.zeros(ending.shape)
-    durations = np.ascontiguousarray(ending[:, ::-1])
-    log_likelihood, start = 0.0, 0
-    for length in lengths:
-        part = slice(start, start + length)
-        entering, leaving, emissions, ends, rest = (np.empty((length, chain.components)) for _ in range(5))
-        events = (entering, leaving, emissions)
-        log_likelihood += forward_frames(log_emissions[part], densities[part], largest[part], forward, events)
-        backward_frames(back, durations, events, ends, rest, lasts)
-        occupy_components(entering * rest, ends, responsibilities[part])
-        transitions += leaving[:-1].T @ rest[1:]
-        initial += responsibilities[start]
-        start += length
+    parts = (chain.initial, chain.transitions, lasting, ending)
+    initial, transitions, lasts = (np.zeros(array.shape) for array in (chain.initial, chain.transitions, ending))
+    responsibilities = np.empty_like(log_emissions)
+    frames, counted = (log_emissions, largest, densities), (initial, transitions, lasts)
+    log_likelihood = expect_demonstrations(frames, np.array(lengths, np.int64), parts, responsibilities, counted)
     counts = ChainCounts(initial, transitions * chain.transitions, lasts[:, MARGIN:-MARGIN] * chain.durations)
     return ChainExpectation(responsibilities, counts, log_likelihood)
 

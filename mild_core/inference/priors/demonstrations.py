@@ -8,8 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mild_core.compiled import compiled_in_any_order
 from mild_core.inference.gaussian import LOG_TWO_PI, Gaussian
 from mild_core.shapes import FloatArray
+
+MARGINAL = 1e-15
+"""A component's share of a frame that is no more than the rounding of shares."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +26,7 @@ class LatentFrames:
         centre: (Z,) mean of all frames.
         variance: (Z,) of all frames.
         features: (N, Z (Z + 1) / 2 + Z + 1): the products z_a z_b with a <= b, then z, then 1, of the frames less
-            their centre, so that squares do not cancel. Every density and every estimate is a matrix product on them.
+            their centre, so that squares do not cancel. Every density and every estimate is a product with them.
     """
 
     lengths: tuple[int, ...]
@@ -74,6 +78,19 @@ def log_emissions(components: Gaussian, frames: LatentFrames) -> FloatArray:
     return result
 
 
+@compiled_in_any_order
+def add_shares(responsibilities: FloatArray, features: FloatArray, sums: FloatArray) -> None:
+    """Add the transposed `responsibilities` (N, K) times `features` (N, F) to `sums` (K, F).
+
+    Most frames belong to one component: to pass over the others is twice as fast as the matrix product.
+    """
+    for n in range(features.shape[0]):
+        for j in range(sums.shape[0]):
+            if responsibilities[n, j] > MARGINAL:
+                for column in range(features.shape[1]):
+                    sums[j, column] += responsibilities[n, j] * features[n, column]
+
+
 def estimate_components(
     previous: Gaussian | None, responsibilities: FloatArray, frames: LatentFrames, fraction: float
 ) -> Gaussian:
@@ -89,7 +106,8 @@ def estimate_components(
     """
     size = len(frames.centre)
     rows, columns = np.triu_indices(size)
-    sums = responsibilities.T @ frames.features
+    sums = np.zeros((responsibilities.shape[1], frames.features.shape[1]))
+    add_shares(responsibilities, frames.features, sums)
     occupied = sums[:, -1] > 1e-6
     moments = sums / np.where(occupied, sums[:, -1], 1.0)[:, None]
     means = moments[:, len(rows) : len(rows) + size]

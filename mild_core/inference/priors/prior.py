@@ -271,7 +271,7 @@ class Prior(ABC):
         history = [expectation.log_likelihood]
         for _ in range(settings.iterations):
             shares = expectation.responsibilities
-            occupancy = shares.sum(axis=0)
+            occupancy = np.ones(len(shares)) @ shares  # several times as fast as their sum over the long axis
             prior = replace(
                 prior,
                 components=estimate_components(prior.components, shares, frames, settings.covariance_fraction),

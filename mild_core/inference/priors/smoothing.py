@@ -14,6 +14,7 @@ Source: METHOD section 2; S.-Z. Yu, "Hidden semi-Markov models", Artificial Inte
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mild_core.compiled import compiled, compiled_in_any_order
 from mild_core.inference.priors.filtering import UNREACHABLE, weigh_frame
@@ -38,7 +39,7 @@ They share all other frames with the rest of the row and differ in the remaining
 be this much likelier after the one remaining time than after the other to bring them back.
 """
 
-BLOCK = 8
+BLOCK = 16
 """Frames are looked through, and left out, by so many: loops of few lengths are faster than shorter ones of any."""
 
 MARGIN = 2 * BLOCK
@@ -54,10 +55,12 @@ def settle(rows: FloatArray, j: int, first: int, stop: int, owed: float, factor:
     """
     if LEAST_OWED < owed * factor < MOST_OWED:
         return owed * factor
+    # What would vanish does so before it is multiplied: the product is what takes long.
+    least = VANISHED / max(owed * factor, VANISHED)
     at = np.uint64(first)  # here and below: no sign to look at for each value, and no view that has to be counted
     for r in range(np.uint64(stop - first)):
-        value = min(rows[j, at + r] * owed, CEILING) * factor
-        rows[j, at + r] = min(value, CEILING) if value > VANISHED else 0.0
+        value = rows[j, at + r] if rows[j, at + r] > least else 0.0
+        rows[j, at + r] = min(min(value * owed, CEILING) * factor, CEILING)
     return 1.0
 
 
@@ -88,7 +91,6 @@ def weigh_starts(
 @compiled_in_any_order
 def forward_frames(
     log_emissions: FloatArray,
-    densities: FloatArray,
     largest: FloatArray,
     chain: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
     events: tuple[FloatArray, FloatArray, FloatArray],
@@ -97,29 +99,30 @@ def forward_frames(
 
     Args:
         log_emissions: (T, K).
-        densities: (T, K) their exponentials, divided by each frame's largest.
-        largest: (T,) logarithm of that one.
+        largest: (T,) the largest of each frame.
         chain: Start probabilities (K,), transitions (K, K), and from the longest duration to the shortest the
             probability of it or a longer one and of itself, both within their margins (K, D + 2 MARGIN).
-        events: As of `filter_frames`, filled.
+        events: As of `filter_frames`, filled; the third comes with the exponentials of `log_emissions` less `largest`.
 
     Returns:
         The log-likelihood of the frames.
     """
     initial, transitions, lasting, ending = chain
     entering, leaving, emissions = events
-    (frames, components), width = log_emissions.shape, ending.shape[1]
+    (frames, components), newest = log_emissions.shape, ending.shape[1] - MARGIN - 1
     starts, owed, earliest = np.zeros((components, frames + BLOCK)), np.ones(components), np.zeros(components, np.int64)
     enters, mass, ends, log_likelihood = initial.copy(), np.empty(components), np.empty(components), 0.0
     for t in range(frames):
         total, logarithm, here = 0.0, largest[t], t - t % BLOCK
         for j in range(components):
-            entering[t, j], starts[j, t], first = enters[j], enters[j] / owed[j], earliest[j]
-            last, end = weigh_starts(starts, lasting, ending, j, first, here + BLOCK, width - MARGIN - 1 - t + first)
-            mass[j], ends[j], emissions[t, j] = last * owed[j], end * owed[j], densities[t, j]
-            total += mass[j] * densities[t, j]
+            entering[t, j], start, first = enters[j], enters[j] / owed[j], earliest[j]
+            last, end = weigh_starts(starts, lasting, ending, j, first, here + BLOCK, newest - t + first)
+            # The newest start is counted apart: what was only just written has to be waited for.
+            last, end, starts[j, t] = last + start * lasting[j, newest], end + start * ending[j, newest], start
+            mass[j], ends[j] = last * owed[j], end * owed[j]
+            total += mass[j] * emissions[t, j]
             if t == here:
-                least, reach = FORGOTTEN * last, t - width + 2 * MARGIN + 1
+                least, reach = FORGOTTEN * last, t - newest + MARGIN
                 while first < t and (first + BLOCK <= reach or largest_of_block(starts, j, first) < least):
                     first += BLOCK
                 earliest[j] = first
@@ -150,47 +153,59 @@ def explain_rest(durations: FloatArray, ahead: FloatArray, j: int, first: int, s
 
 
 @compiled_in_any_order
+def add_stretch(
+    sums: FloatArray, j: int, place: int, share: float, values: FloatArray, row: int, first: int, stop: int
+) -> None:
+    """Add `share` times the values of `row` from `first` to `stop` to row `j` of `sums`, from `place` on."""
+    at, where = np.uint64(first), np.uint64(place)
+    for r in range(np.uint64(stop - first)):
+        sums[j, where + r] += share * values[row, at + r]
+
+
+@compiled_in_any_order
 def backward_frames(
-    transitions: FloatArray,
-    durations: FloatArray,
+    chain: tuple[FloatArray, FloatArray],
     forward: tuple[FloatArray, FloatArray, FloatArray],
     ends: FloatArray,
     rest: FloatArray,
-    counts: FloatArray,
+    counts: tuple[FloatArray, FloatArray],
 ) -> None:
     """The backward pass over one demonstration, and its expected events.
 
     Args:
-        transitions: (K, K), from column to row.
-        durations: (K, D + 2 MARGIN) within their margins.
+        chain: Transitions (K, K), from column to row, and durations (K, D + 2 MARGIN) within their margins.
         forward: The events of `forward_frames`.
         ends: (T, K) filled with the probability that a segment ends with a frame, given all frames.
         rest: (T, K) filled with the likelihood of a frame and all after it, given that a segment starts there.
-        counts: (K, D + 2 MARGIN) gets the expected number of segments that start here added, each divided by the
-            probability of its duration.
+        counts: Get what is expected added, each divided by its probability in the chain: segments that follow one
+            another, (K, K) from row to column, and that start here by their durations, (K, D + 2 MARGIN).
     """
+    transitions, durations = chain
     entering, leaving, emissions = forward
+    changes, lasts = counts
     (frames, components), longest = emissions.shape, durations.shape[1] - 2 * MARGIN
     ahead, owed, after = np.zeros((components, frames + longest + BLOCK)), np.ones(components), np.ones(components)
     ahead[:, frames:] = 1.0  # the last segment of all may go on unseen
-    latest = np.full(components, (frames + longest + BLOCK - 1) // BLOCK * BLOCK)
+    followed, latest = np.zeros(components), np.full(components, (frames + longest + BLOCK - 1) // BLOCK * BLOCK)
     for back in range(frames):
         t = frames - 1 - back
         here = t - t % BLOCK
         for j in range(components):
             after[j], last = min(after[j], CEILING), latest[j]
-            ends[t, j], ahead[j, t] = leaving[t, j] * after[j], after[j] / owed[j]
-            owed[j] = settle(ahead, j, t, last, owed[j], emissions[t, j])
-            total = explain_rest(durations, ahead, j, here, last, MARGIN + here - t)
-            share, rest[t, j] = entering[t, j] * owed[j], min(owed[j] * total, CEILING)
-            # Most frames start no segment. What is left out is below the rounding of what is counted.
+            ends[t, j] = leaving[t, j] * after[j]
+            # Most frames end no segment, and start none. What is left out is below the rounding of what is counted.
+            if back > 0 and ends[t, j] > NEGLIGIBLE * followed[j]:
+                followed[j] += ends[t, j]
+                add_stretch(changes, j, 0, leaving[t, j], rest, t + 1, 0, components)
+            owed[j] = settle(ahead, j, t + 1, last, owed[j], emissions[t, j])
+            now = min(after[j] * emissions[t, j], CEILING) / owed[j]
+            total = explain_rest(durations, ahead, j, here, last, MARGIN + here - t) + durations[j, MARGIN] * now
+            ahead[j, t], share, rest[t, j] = now, entering[t, j] * owed[j], min(owed[j] * total, CEILING)
             if share * total > NEGLIGIBLE:
-                for r in range(last - t):
-                    counts[j, MARGIN + r] += share * ahead[j, t + r]
+                add_stretch(lasts, j, MARGIN, share, ahead, j, t, last)
             if t == here:
-                least = FORGOTTEN * total
                 while last > t + BLOCK and (
-                    last - BLOCK >= t + longest or largest_of_block(ahead, j, last - BLOCK) < least
+                    last - BLOCK >= t + longest or largest_of_block(ahead, j, last - BLOCK) < FORGOTTEN * total
                 ):
                     last -= BLOCK
                 latest[j] = last
@@ -201,13 +216,65 @@ def backward_frames(
 
 
 @compiled
-def occupy_components(starts: FloatArray, ends: FloatArray, responsibilities: FloatArray) -> None:
-    """Fill `responsibilities` (T, K): the starts so far less the ends before.
+def occupy_components(entering: FloatArray, rest: FloatArray, ends: FloatArray, responsibilities: FloatArray) -> None:
+    """Fill `responsibilities` (T, K): the starts so far, `entering` times `rest`, less the ends before.
 
     This spares keeping all T * K * D forward values.
     """
-    occupied = np.zeros(starts.shape[1])
-    for t in range(starts.shape[0]):
-        for j in range(starts.shape[1]):
-            responsibilities[t, j] = max(occupied[j] + starts[t, j], 0.0)
+    frames, components = entering.shape
+    occupied = np.zeros(components)
+    for t in range(frames):
+        for j in range(components):
+            responsibilities[t, j] = max(occupied[j] + entering[t, j] * rest[t, j], 0.0)
             occupied[j] = responsibilities[t, j] - ends[t, j]
+
+
+@compiled
+def below_largest(log_emissions: FloatArray, largest: FloatArray, below: FloatArray) -> None:
+    """Fill `largest` (N,) with the largest of each frame of `log_emissions` (N, K), `below` with them less it."""
+    frames, components = log_emissions.shape
+    for n in range(frames):
+        largest[n] = log_emissions[n, 0]
+        for j in range(1, components):
+            largest[n] = max(largest[n], log_emissions[n, j])
+        for j in range(components):
+            below[n, j] = log_emissions[n, j] - largest[n]
+
+
+@compiled
+def expect_demonstrations(
+    frames: tuple[FloatArray, FloatArray, FloatArray],
+    lengths: NDArray[np.int64],
+    chain: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+    responsibilities: FloatArray,
+    counts: tuple[FloatArray, FloatArray, FloatArray],
+) -> float:
+    """Forward and backward over demonstrations one after the other.
+
+    Args:
+        frames: Log-densities (N, K), the largest of each frame (N,), and the densities divided by that one's (N, K),
+            which are overwritten.
+        lengths: Frames of each demonstration.
+        chain: As of `forward_frames`.
+        responsibilities: (N, K) filled.
+        counts: Get what is expected added: demonstrations that start in each component (K,), then as of
+            `backward_frames`.
+
+    Returns:
+        The log-likelihood of all.
+    """
+    log_emissions, largest, densities = frames
+    starting, changes, lasts = counts
+    transitions, ending = chain[1], chain[3]
+    back, durations = np.ascontiguousarray(transitions.T), np.ascontiguousarray(ending[:, ::-1])
+    log_likelihood, start = 0.0, 0
+    for length in lengths:
+        part, shape = slice(start, start + length), (length, starting.shape[0])
+        events = (np.empty(shape), np.empty(shape), densities[part])
+        ends, rest = np.empty(shape), np.empty(shape)
+        log_likelihood += forward_frames(log_emissions[part], largest[part], chain, events)
+        backward_frames((back, durations), events, ends, rest, (changes, lasts))
+        occupy_components(events[0], rest, ends, responsibilities[part])
+        starting += responsibilities[start]
+        start += length
+    return log_likelihood
