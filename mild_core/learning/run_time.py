@@ -11,9 +11,11 @@ import numpy as np
 
 from mild_core.learning.calibration import Calibration, Doubt, calibrate
 from mild_core.learning.demonstration import Demonstration
+from mild_core.learning.evaluation import errors_of_trial
 from mild_core.learning.model_predictor import AUTO, ModelPredictor
 from mild_core.learning.novelty import SETTLED_S
 from mild_core.learning.windows import cut, onset_window
+from mild_core.shapes import FloatArray
 
 AFTER_S = (1.0, 5.0)
 """Seconds after the onset of a motion at which it is asked which interaction the model acts upon."""
@@ -30,11 +32,16 @@ class HeldOut:
         named: The interaction that it acted upon, unasked, at each of `AFTER_S`; "" for none.
         unknown: Share of the frames that it called unknown, from a second after the onset.
         doubt: Errors and covariances, the interaction given.
+        windows: How many there were.
+        squared: (3,) sums over them of squared errors [rad^2 or m^2]: the interaction given; what is added where it is
+            not, up to a second after the onset; and later.
     """
 
     named: tuple[str, ...]
     unknown: float
     doubt: Doubt
+    windows: int
+    squared: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,12 +52,15 @@ class RunTime:
         trials: How many there were.
         wrong: At each of `AFTER_S`, in how many of them it acted upon none or another interaction; mean over seeds.
         unknown: Share of the frames called unknown, mean over trials and seeds: all are false alarms.
+        untold: (2,) share by which the error grows where the interaction is not given, in frames up to a second after
+            the onset, at rest nobody can know, and in later ones; macro, mean over seeds.
         calibration: One per seed.
     """
 
     trials: int
     wrong: Mapping[float, float]
     unknown: float
+    untold: FloatArray
     calibrations: tuple[Calibration, ...]
 
 
@@ -70,7 +80,10 @@ def watch(predictor: ModelPredictor, trial: Demonstration, fold: int) -> HeldOut
     errors = (told.predicted - cut(trial, predictor.protocol).controlled)[::EVERY]
     errors = errors.reshape(*errors.shape[:2], -1)
     spread = told.covariances[::EVERY] - predictor.model.residual_covariance
-    return HeldOut(tuple(named), unknown, Doubt(fold, trial.interaction, errors, spread))
+    given, guessed = (errors_of_trial(trial, predictor.protocol, one.predicted).squared for one in (told, free))
+    more = guessed - given
+    squared = np.array([given.sum(), more[:settled].sum(), more[settled:].sum()])
+    return HeldOut(tuple(named), unknown, Doubt(fold, trial.interaction, errors, spread), len(given), squared)
 
 
 def summarise_run_time(seeds: Sequence[Sequence[HeldOut]]) -> RunTime:
@@ -83,5 +96,14 @@ def summarise_run_time(seeds: Sequence[Sequence[HeldOut]]) -> RunTime:
         len(seeds[0]),
         {s: count / len(seeds) for s, count in wrong.items()},
         float(np.mean([one.unknown for trials in seeds for one in trials])),
+        np.mean([_untold(trials) for trials in seeds], axis=0),
         tuple(calibrate([one.doubt for one in trials]) for trials in seeds),
     )
+
+
+def _untold(trials: Sequence[HeldOut]) -> FloatArray:
+    """(2,) see `RunTime.untold`."""
+    groups = [[t for t in trials if t.doubt.interaction == name] for name in {t.doubt.interaction for t in trials}]
+    means = [np.sum([t.squared for t in group], axis=0) / sum(t.windows for t in group) for group in groups]
+    given, *added = (float(mean) for mean in np.mean(means, axis=0))
+    return np.array([share / given for share in added])

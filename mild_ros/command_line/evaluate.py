@@ -88,9 +88,10 @@ def evaluate(
     It leaves a table as text, JSON and picture: mean ± deviation over seeds, 95 % intervals from drawing trials, and
     the change against each bar with the p-value of a paired test over trials (Wilcoxon's signed-rank). Of models that
     run on the robot, also how they did there, nobody telling them the interaction: trials in which they acted upon none
-    or another one 1 s and 5 s after its onset (hand 5 cm from rest); share of frames that they called unknown; how many
-    true values lay within the 90 % region of the published covariance, all of a frame at once / each by itself, with
-    its scale learned on the other folds; and a picture of the same for all regions.
+    or another one 1 s and 5 s after its onset (hand 5 cm from rest); share of frames that they called unknown; by how
+    much the error grew until a second after the onset, and later; how many true values lay within the 90 % region of
+    the published covariance, all of a frame at once / each by itself, with its scale learned on the other folds; and a
+    picture of the same for all regions.
 
     **What was never shown**: each interaction left out in turn, the share of its frames told unknown from 1 s after
     onset, where 5 % of the frames of the known ones are, beside a nearest neighbour's distance. It asks the score of

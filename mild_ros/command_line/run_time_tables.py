@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from mild_core.learning.run_time import RunTime
     from mild_core.learning.unknown import Separation
 
+UNTOLD = ("untold adds until 1 s after onset", "untold adds later")
+"""By how much the error grows where the model has to find out which interaction it is: at rest nobody can know."""
+
 SCORES = {"ours": "ours", "nearest_neighbour": "nearest neighbour"}
 
 
@@ -36,6 +39,7 @@ def _data(run_time: RunTime) -> dict[str, Any]:
         "trials": run_time.trials,
         "wrong_after_s": {f"{seconds:g}": wrong for seconds, wrong in run_time.wrong.items()},
         "called_unknown": run_time.unknown,
+        "untold_adds": dict(zip(("until_1_s", "later"), run_time.untold.tolist(), strict=True)),
         "covariance_scale": {n: float(np.mean([c.scale[n] for c in calibrations])) for n in calibrations[0].scale},
         "levels": list(LEVELS),
         "reliability": {
@@ -53,11 +57,12 @@ def run_time_cells(found: Mapping[str, Any], titles: Mapping[str, str]) -> list[
         if not lines:
             seconds = [f"wrong after {s} s" for s in one["wrong_after_s"]]
             regions = [f"{REGION:.0%} holds: {name}" for name in one["reliability"]]
-            lines.append(["method", "trials", *seconds, "called unknown", *regions])
+            lines.append(["method", "trials", *seconds, "called unknown", *UNTOLD, *regions])
         place = one["levels"].index(REGION)
         shares = [f"{r['joint'][place]:.0%} / {r['marginal'][place]:.0%}" for r in one["reliability"].values()]
         wrong = [f"{count:.2g}" for count in one["wrong_after_s"].values()]
-        lines.append([titles[method], str(one["trials"]), *wrong, f"{one['called_unknown']:.1%}", *shares])
+        untold = [f"{share:+.1%}" for share in one["untold_adds"].values()]
+        lines.append([titles[method], str(one["trials"]), *wrong, f"{one['called_unknown']:.1%}", *untold, *shares])
     return lines
 
 

@@ -126,6 +126,8 @@ def test_cross_validation_writes_its_tables_and_what_happened_at_run_time(four_b
     assert told["run_time"] == {}
     assert ours["trials"] == 16
     assert 0 <= ours["wrong_after_s"]["5"] <= 16
+    macro = {row["labels"]: row["macro_mean"] for row in told["methods"] if row["method"] == "mild"}
+    assert sum(ours["untold_adds"].values()) == pytest.approx(macro["recognised"] / macro["given"] - 1.0, abs=1e-9)
     assert 0.0 <= ours["called_unknown"] <= 1.0
     for name, curves in ours["reliability"].items():
         assert ours["covariance_scale"][name] > 0.0
