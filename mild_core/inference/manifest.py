@@ -24,7 +24,7 @@ SOURCES = {
     "residual": ("frame", "window", "label", "context", "observed"),
     "decoder": ("controlled", "label", "context", "observed", "belief"),
     "distance": ("frame", "window"),
-    "recogniser": ("frame", "window", "past"),
+    "recogniser": ("frame", "window"),
 }
 """The networks that a member can have, and what each may take in."""
 
@@ -138,7 +138,6 @@ class Manifest:
         stride: S copies of everything that remembers take turns, so that each sees every S-th window.
         interactions: P names, in the order of all arrays.
         rest_s: How long people rested before their motion in the recordings, see `resting`; 0: nobody knows [s].
-        past_s: T time constants of the fading means of positions, see `past` [s].
         prior: Kind and sizes.
         members: Networks by name, one mapping per member of the ensemble.
         robot_from_human: See `HumanPlacement`.
@@ -161,7 +160,6 @@ class Manifest:
     members: tuple[Mapping[str, NetworkSpec], ...]
     robot_from_human: HumanPlacement
     stride: int = 1
-    past_s: tuple[float, ...] = ()
     rest_s: float = 0.0
     training: Mapping[str, Any] = field(default_factory=dict)
     errors: Mapping[str, Any] = field(default_factory=dict)
@@ -173,17 +171,11 @@ class Manifest:
         """D: numbers of one observed frame."""
         return len(self.observed.joint_names) * (3 if self.features == "positions" else 6)
 
-    @property
-    def past_values(self) -> int:
-        """Numbers of the fading means: three coordinates for each joint and time constant."""
-        return len(self.past_s) * len(self.observed.joint_names) * 3
-
     def source_sizes(self) -> dict[str, int]:
         """How many numbers each source of `SOURCES` has, but for the context, whose network says so."""
         return {
             "frame": self.frame_values,
             "window": self.window * self.frame_values,
-            "past": self.past_values,
             "label": len(self.interactions),
             "observed": self.latent_size,
             "belief": self.prior.components,

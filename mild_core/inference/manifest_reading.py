@@ -76,7 +76,6 @@ def parse_manifest(fields: Fields) -> Manifest:
         features=fields.text("features", FEATURES),
         latent_size=fields.integer("latent_size", 1, 64),
         stride=fields.integer("stride", 1, 64) if "stride" in fields.values else 1,
-        past_s=_past(fields),
         rest_s=fields.number("rest_s", 0.0, 100.0) if "rest_s" in fields.values else 0.0,
         interactions=interactions,
         prior=_prior(fields.object("prior")),
@@ -150,14 +149,6 @@ def read_placement(fields: Fields, interactions: tuple[str, ...]) -> HumanPlacem
         arm_lengths_m=(lengths[0], lengths[1]) if lengths else None,
         contact_distance_m={name: distances.number(name, 0.0, 10.0) for name in distances.values},
     )
-
-
-def _past(fields: Fields) -> tuple[float, ...]:
-    """Time constants; none in a manifest that does not know of them."""
-    constants = fields.take("past_s") if "past_s" in fields.values else []
-    if not isinstance(constants, list) or len(constants) > 8:
-        raise fields.wrong("past_s", "is no list of at most 8 numbers")
-    return tuple(fields.numbers("past_s", len(constants), 0.01, 100.0)) if constants else ()
 
 
 def _optional(fields: Fields, key: str) -> Fields:

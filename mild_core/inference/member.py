@@ -114,7 +114,6 @@ class ReadyMember:
         self,
         state: MemberState,
         features: FloatArray,
-        past: FloatArray,
         label: FloatArray,
         steps: int,
         stride: int,
@@ -125,7 +124,6 @@ class ReadyMember:
         Args:
             state: Before it.
             features: (W, D).
-            past: (T, 3 J) see `past.fade`.
             label: (P,) probability of each interaction so far.
             steps: How many of its frames are new to a context network that takes frames.
             stride: Between those.
@@ -136,7 +134,7 @@ class ReadyMember:
         """
         member = self.member
         steps = steps if "frame" in member.inputs.get("context", ()) else 1
-        memories, given, timing = (state.context, state.memory), (features, past, label), (steps, stride, missed)
+        memories, given, timing = (state.context, state.memory), (features, label), (steps, stride, missed)
         regions, restart = (member.centres, member.radii), member.priors[0].restart
         found = observe_window(self.perceiving, self.chains, regions, self.places, memories, given, timing, restart)
         found[0].flags.writeable = found[1].flags.writeable = False

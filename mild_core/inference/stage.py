@@ -23,7 +23,6 @@ import numpy as np
 from mild_core.errors import DataError, unknown_name
 from mild_core.inference.member import Generated, MemberState, ReadyMember, combined, make_ready
 from mild_core.inference.motion_model import MildModel
-from mild_core.inference.past import fade, kept_per_frame
 from mild_core.inference.priors.filtering import UNDERFLOW
 from mild_core.inference.recognition import Recognition, given, recognise, undecided
 from mild_core.inference.resting import STILL_S, first_seen, is_back, is_waiting, watch
@@ -70,10 +69,6 @@ class Inference:
         return round(1e9 / self.model.manifest.rate_hz)
 
     @cached_property
-    def _kept(self) -> FloatArray:
-        return kept_per_frame(self.model.manifest.past_s, self.model.manifest.rate_hz)
-
-    @cached_property
     def _rest_frames(self) -> int:
         return round(self.model.manifest.rest_s * self.model.manifest.rate_hz)
 
@@ -115,7 +110,7 @@ class Inference:
             before, index, events = self._in_time(state, given)
             seen = self._seen(before, index, given)
             place = index % len(before.copies)
-            found = self._observe(before, place, index, given, seen.past)
+            found = self._observe(before, place, index, given)
         except DataError as error:
             return state.refused(error), ()
         recognition = self._recognise(before.recognition, found, given, seen)
@@ -125,7 +120,7 @@ class Inference:
         motion = self._motion(given, recognition, strangeness, answer)
         events = {**events, "accepted": 1, **({"unknown": 1} if strangeness > 1.0 else {})}
         if seen.rest is not None and is_waiting(seen.rest, self._rest_frames):
-            seen = replace(before, past=seen.past, rest=seen.rest)
+            seen = replace(before, rest=seen.rest)
         else:
             copy = CopyState(index, tuple([MemberState(one.context, one.memory) for one in found]))
             copies = (*before.copies[:place], copy, *before.copies[place + 1 :])
@@ -147,9 +142,8 @@ class Inference:
         """
         self._check(state, window)
         before, index, _ = self._in_time(state, window)
-        seen = self._seen(before, index, window)
-        found = self._observe(before, index % len(before.copies), index, window, seen.past)
-        recognition = self._recognise(before.recognition, found, window, seen)
+        found = self._observe(before, index % len(before.copies), index, window)
+        recognition = self._recognise(before.recognition, found, window, self._seen(before, index, window))
         motions = []
         for alone in np.eye(found[0].weights.shape[1]):
             sure = [one._replace(weights=np.tile(alone, (len(one.weights), 1))) for one in found]
@@ -182,17 +176,16 @@ class Inference:
         return state, state.index + passed, {"missed": passed - 1} if passed > 1 else {}
 
     def _seen(self, state: InferenceState, index: int, window: FeatureWindow) -> InferenceState:
-        """The state with this window in all that remembers the arm's own motion: past, reservoir and rest."""
+        """The state with this window in all that remembers the arm's own motion: reservoir and rest."""
         passed = index - state.index
         positions = window.features[:, : 3 * len(window.joint_names)]
-        past = fade(state.past, positions[-1], self._kept, passed)
         units = rest = None
         if self.model.reservoir is not None and np.isfinite(positions).all():
             units = self.model.reservoir.listen(positions, self.model.manifest.rate_hz, state.units, passed)[-1]
         if self.model.manifest.rest_s > 0.0:
             hand_m = read_only(positions[:, -3:])
             rest = first_seen(hand_m) if state.rest is None else watch(state.rest, hand_m[-1], passed)
-        return replace(state, past=past, units=units, rest=rest)
+        return replace(state, units=units, rest=rest)
 
     def _measured(self, state: InferenceState, given: JointMeasurement) -> InferenceState:
         """The state after the robot said where it is: its start, unless a person is there whom it may be answering."""
@@ -220,11 +213,8 @@ class Inference:
             motion = model.start_pose.displaced(motion, seen.start, label)
         return replace(members, motion=motion, covariance=covariance)
 
-    def _observe(
-        self, state: InferenceState, place: int, index: int, window: FeatureWindow, past: FloatArray | None
-    ) -> tuple[Observed, ...]:
+    def _observe(self, state: InferenceState, place: int, index: int, window: FeatureWindow) -> tuple[Observed, ...]:
         """What each member finds. Raises DataError when a feature is not finite."""
-        assert past is not None  # it has this window in it
         copy, stride = state.copies[place], len(state.copies)
         missed = (index - copy.index) // stride - 1 if copy.index >= 0 else -1
         whole = 1 + (len(window.features) - 1) // stride
@@ -234,7 +224,7 @@ class Inference:
             features = read_only(np.array(features, order="C"))  # Any other layout would be compiled for anew.
         found = tuple(
             [
-                member.observe(memory, features, past, label, steps, stride, missed)
+                member.observe(memory, features, label, steps, stride, missed)
                 for member, memory in zip(self._members, copy.members, strict=True)
             ]
         )

@@ -39,7 +39,6 @@ class InferenceState:
         copies: S of them.
         recognition: Which interaction it is.
         strayed: See `Territory.follow`; (0,) in a model without one.
-        past: (T, 3 J) see `past.fade`; None before the first window.
         units: (R,) of the reservoir; None before the first window, and in a model without one.
         rest: Where the hand rested; None before the first window.
         start: (J,) where the robot stood when the person came [rad]; None: it has not said.
@@ -48,7 +47,6 @@ class InferenceState:
     recognition: Recognition
     copies: tuple[CopyState, ...]
     strayed: FloatArray
-    past: FloatArray | None = None
     units: FloatArray | None = None
     rest: Rest | None = None
     start: FloatArray | None = None

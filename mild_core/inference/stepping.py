@@ -20,8 +20,8 @@ from mild_core.inference.networks import Float32Array, run_layers
 from mild_core.inference.priors.filtering import UNDERFLOW, filter_frames, observe_frame
 from mild_core.shapes import FloatArray
 
-BOARD = ("frame", "window", "past", "label", "context", "observed", "belief", "controlled")
-FRAME, WINDOW, PAST, LABEL, CONTEXT, OBSERVED, BELIEF, CONTROLLED = range(8)
+BOARD = ("frame", "window", "label", "context", "observed", "belief", "controlled")
+FRAME, WINDOW, LABEL, CONTEXT, OBSERVED, BELIEF, CONTROLLED = range(7)
 
 NEVER_SEEN = 2.0
 """Out-of-distribution score, at least, of a frame at which every density underflows."""
@@ -124,14 +124,13 @@ def run_context(
 
 
 @compiled
-def lay_out(features: FloatArray, past: FloatArray, label: FloatArray, places: IntArray) -> tuple[Float32Array, bool]:
-    """A board with window (W, D), past (T, 3 J) and label (P,) on it, and whether all features are finite."""
+def lay_out(features: FloatArray, label: FloatArray, places: IntArray) -> tuple[Float32Array, bool]:
+    """A board with window (W, D) and label (P,) on it, and whether all features are finite."""
     board, finite = np.zeros(places[-1], dtype=np.float32), True
     for row in range(features.shape[0]):
         for d in range(features.shape[1]):
             finite = finite and np.isfinite(features[row, d])
             board[places[WINDOW] + row * features.shape[1] + d] = features[row, d]
-    board[places[PAST] : places[PAST] + past.size] = past.ravel()
     board[places[LABEL] : places[LABEL] + label.size] = label
     return board, finite
 
@@ -179,7 +178,7 @@ def observe_window(
     regions: tuple[FloatArray, FloatArray],
     places: IntArray,
     state: tuple[Float32Array, FloatArray],
-    given: tuple[FloatArray, FloatArray, FloatArray],
+    given: tuple[FloatArray, FloatArray],
     timing: tuple[int, int, int],
     restart: float,
 ) -> tuple[Float32Array, FloatArray, Float32Array, FloatArray, FloatArray, FloatArray, FloatArray, float]:
@@ -191,19 +190,19 @@ def observe_window(
         regions: Centres (M, F) and radii (M,) of the distance network's outputs.
         places: Where each of `BOARD` begins, and the length of the board.
         state: Memory of the context network and of the chains, left unchanged.
-        given: Features (W, D), the past (T, 3 J) and the probabilities of all P interactions so far.
+        given: Features (W, D) and the probabilities of all P interactions so far.
         timing: Frames for the context network to take in and the stride between them; steps of the chains that went
             by unseen, -1 at the very first.
         restart: See `filter_frames`.
     """
-    features, past, label = given
+    features, label = given
     context, memory = state[0].copy(), state[1].copy()
     considered, components, total = priors[0].shape
     size = places[BELIEF] - places[OBSERVED]
     weights, log_likelihoods = np.empty((considered, components)), np.empty(considered)
     means = np.empty((considered, components, total - size))
     covariances = np.empty((considered, components, total - size, total - size))
-    board, finite = lay_out(features, past, label, places)
+    board, finite = lay_out(features, label, places)
     if not finite:
         return context, memory, board, weights, log_likelihoods, means, covariances, np.nan
     run_context(networks[0], features, timing[0], timing[1], places, board, context)

@@ -136,7 +136,6 @@ def _manifest(
         features=protocol.features,
         latent_size=settings.architecture.latent,
         stride=settings.stride,
-        past_s=settings.past_s,
         rest_s=rest_s(demonstrations),
         interactions=trained.interactions,
         prior=PriorSpec(settings.prior.kind, settings.prior.components, longest, settings.prior.restart),
@@ -167,8 +166,8 @@ def _member(member: TrainedMember) -> tuple[dict[str, NetworkSpec], Arrays]:
         specs[name] = NetworkSpec(inputs, tuple(layers))
         arrays |= {f"{name}.{key}": array for key, array in found.items()}
     if member.recogniser is not None:
-        inputs = ("window", "past") if member.recogniser.past.size else ("window",)
-        front = _front({"window": member.recogniser.question, "past": member.recogniser.past}, inputs, sizes)
+        inputs = ("window",)
+        front = _front({"window": member.recogniser.question}, inputs, sizes)
         layers, found = _fronted(list(member.recogniser.network.specs), member.recogniser.network.arrays(), front)
         specs["recogniser"] = NetworkSpec(inputs, tuple(layers))
         arrays |= {f"recogniser.{key}": array for key, array in found.items()}

@@ -46,13 +46,11 @@ def latent_track(model: MildModel, demonstration: Demonstration, protocol: Proto
     ready = make_ready(model.members[member], [number], model.residual_covariance)
     label, stride = np.eye(len(manifest.interactions))[number], manifest.stride
     states, rows = [ready.init()] * stride, []
-    # The networks that latents pass through see no past.
-    unseen = read_only(np.zeros((len(manifest.past_s), manifest.past_values // max(len(manifest.past_s), 1))))
     place = int(ready.places[BOARD.index("observed")])
     for index, features in enumerate(cut(demonstration, protocol).observed):
         copy = index % stride
         steps, missed = (1, 0) if index >= stride else (1 + (len(features) - 1) // stride, -1)
-        seen = ready.observe(states[copy], read_only(features), unseen, label, steps, stride, missed)
+        seen = ready.observe(states[copy], read_only(features), label, steps, stride, missed)
         states[copy] = MemberState(seen.context, seen.memory)
         latent = seen.board[place : place + manifest.latent_size].astype(np.float64)
         rows.append((latent, seen.weights[0] @ seen.means[0], seen.weights[0]))

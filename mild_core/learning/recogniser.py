@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
@@ -28,21 +27,19 @@ LEAST_RATE = 0.003
 
 @dataclass(frozen=True, eq=False)
 class Recogniser:
-    """Logits of the interactions from one window and from where the arm has been.
+    """Logits of the interactions from one window.
 
     Attributes:
         network: From coordinates to (P,), in evaluation mode.
         question: Coordinates of the human's windows.
-        past: Coordinates of the fading means; of none where there are no time constants.
     """
 
     network: Chain
     question: Coordinates
-    past: Coordinates
 
-    def logits(self, windows: Tensor, pasts: Tensor) -> Tensor:
-        """(..., P) of windows (..., W D) and the past at each (..., C 3 J); see `faded`."""
-        found: Tensor = self.network(torch.cat([self.question.project(windows), self.past.project(pasts)], dim=-1))
+    def logits(self, windows: Tensor) -> Tensor:
+        """(..., P) of windows (..., W D)."""
+        found: Tensor = self.network(self.question.project(windows))
         return found
 
 
@@ -50,7 +47,6 @@ def train_recogniser(
     corpus: Corpus,
     settings: RecogniserSettings,
     augmentation: Augmentation,
-    past_s: Sequence[float],
     epochs: int,
 ) -> Recogniser:
     """Learn to tell the interactions of a corpus apart. Draws from torch's global generator.
@@ -61,18 +57,15 @@ def train_recogniser(
         corpus: The trials.
         settings: Sizes and rates.
         augmentation: How trials are bent each time.
-        past_s: Time constants of the past [s], for one that sees it.
         epochs: Passes over all trials.
     """
-    past_s = past_s if settings.past else ()
     recorded = cut_tracks(corpus, corpus.tracks, 0, 1)
     question = principal_coordinates(
         recorded.question[recorded.valid > 0], settings.question_coordinates, settings.whitening
     )
-    past = _past_coordinates(corpus, past_s)
     labels, width = len(corpus.interactions), corpus.protocol.window
-    network = perceptron(question.size + past.size, settings.hidden, labels, settings.dropout)
-    recogniser = Recogniser(network, question, past)
+    network = perceptron(question.size, settings.hidden, labels, settings.dropout)
+    recogniser = Recogniser(network, question)
     optimiser = torch.optim.AdamW(network.parameters(), lr=settings.learning_rate)
     network.train()
     for epoch in range(epochs):
@@ -85,34 +78,12 @@ def train_recogniser(
         newest = has_started(observed)[:, first + width - 1 :: STRIDE]
         wanted = functional.one_hot(batch.label, labels).float()[:, None].expand(*batch.valid.shape, -1)
         wanted = torch.where(newest[:, : batch.valid.shape[1], None], wanted, torch.full_like(wanted, 1.0 / labels))
-        pasts = faded(observed[:, width - 1 :], past_s, corpus.rate_hz)[:, first::STRIDE][:, : batch.valid.shape[1]]
-        surprise = -(wanted * functional.log_softmax(recogniser.logits(batch.question, pasts), -1)).sum(-1)
+        surprise = -(wanted * functional.log_softmax(recogniser.logits(batch.question), -1)).sum(-1)
         optimiser.zero_grad()
         ((surprise * batch.valid).sum() / batch.valid.sum()).backward()  # type: ignore[no-untyped-call]
         optimiser.step()
     network.eval()
     return recogniser
-
-
-def faded(positions: Tensor, past_s: Sequence[float], rate_hz: float) -> Tensor:
-    """(B, T, 3 J) positions [m] -> (B, T, C 3 J): `inference.past.fade` over whole tracks, for C time constants."""
-    frame = torch.arange(positions.shape[1], dtype=torch.float32)
-    age = frame[:, None] - frame
-    means = []
-    for constant in past_s:
-        kept = math.exp(-1.0 / (constant * rate_hz))
-        shares = torch.where(age < 0, torch.zeros(()), (1.0 - kept) * kept ** age.clamp(min=0.0))
-        shares[:, 0] = kept**frame  # the first frame is also what was before it
-        means.append(shares @ positions)
-    return torch.cat(means, dim=-1) if means else positions[..., :0]
-
-
-def _past_coordinates(corpus: Corpus, past_s: Sequence[float]) -> Coordinates:
-    """The fading means about the mean position, in units of the deviation of all positions."""
-    tracks = corpus.tracks
-    recorded = tracks.observed[tracks.alive]
-    mean, size = recorded.mean(dim=0).repeat(len(past_s)), recorded.shape[1] * len(past_s)
-    return Coordinates(mean, torch.eye(size), torch.full((size,), float(recorded.std())), torch.ones(size))
 
 
 def has_started(observed: Tensor) -> Tensor:

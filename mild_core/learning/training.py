@@ -227,7 +227,7 @@ def _recogniser(corpus: Corpus, settings: TrainingSettings) -> Recogniser | None
     if settings.recogniser is None:
         return None
     epochs = round(settings.recogniser.epochs * settings.epochs)
-    return train_recogniser(corpus, settings.recogniser, settings.augmentation or UNBENT, settings.past_s, epochs)
+    return train_recogniser(corpus, settings.recogniser, settings.augmentation or UNBENT, epochs)
 
 
 def _rate(settings: TrainingSettings, epoch: int) -> float:

@@ -4,14 +4,13 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 import torch
 
 from mild_core.inference.model import build_model
 from mild_core.learning.corpus import corpus_of, cut_tracks
 from mild_core.learning.export import ModelFacts, export, recognition_rates
 from mild_core.learning.learned_model import finished
-from mild_core.learning.recogniser import STARTED_M, faded, train_recogniser
+from mild_core.learning.recogniser import STARTED_M, train_recogniser
 from mild_core.learning.settings import PAPER, SAME, Augmentation, RecogniserSettings
 from mild_core.learning.training import drawing_from, train
 from mild_core.learning.windows import PROTOCOLS
@@ -19,7 +18,6 @@ from test.core.learning.made_trials import made_trial, made_trials
 from test.core.learning.small_settings import SMALL, TWO
 
 SAME_SECOND = PROTOCOLS["same"]
-PAST_S = (0.5, 2.0)
 QUICK = RecogniserSettings(question_coordinates=6, hidden=(16,), dropout=0.0, learning_rate=1e-2)
 
 
@@ -35,9 +33,7 @@ def probabilities(recogniser, trial):
     """Windows at rest and windows after the hand has moved, (N, 2) each."""
     batch = cut_tracks(corpus_of([trial], SAME_SECOND, TWO), corpus_of([trial], SAME_SECOND, TWO).tracks, 0, 1)
     with torch.no_grad():
-        pasts = faded(torch.tensor(trial.observed_m.reshape(1, trial.frames, -1))[:, 39:].float(), PAST_S, 40.0)
-        seen = pasts[..., : recogniser.past.size] if recogniser.past.size else pasts[..., :0]
-        found = torch.softmax(recogniser.logits(batch.question, seen), -1)[0].numpy()
+        found = torch.softmax(recogniser.logits(batch.question), -1)[0].numpy()
     hand = trial.observed_m[:, -1]
     moved = np.linalg.norm(hand - hand[0], axis=1) > STARTED_M
     start = int(moved.argmax())
@@ -45,13 +41,10 @@ def probabilities(recogniser, trial):
     return found[newest < start - 10], found[(newest > start + 20) & moved[newest]]
 
 
-@pytest.mark.parametrize("past", [False, True])
-def test_it_tells_new_trials_apart_once_the_hand_has_moved(past):
+def test_it_tells_new_trials_apart_once_the_hand_has_moved():
     learned = tuple(aside(trial) for trial in made_trials(each=4, frames=300))  # long enough for windows at rest
     with drawing_from(0):
-        recogniser = train_recogniser(
-            corpus_of(learned, SAME_SECOND, TWO), replace(QUICK, past=past), Augmentation(), PAST_S, 80
-        )
+        recogniser = train_recogniser(corpus_of(learned, SAME_SECOND, TWO), QUICK, Augmentation(), 80)
     for label, name in enumerate(TWO):
         resting, moving = probabilities(recogniser, aside(made_trial(50, name, 310)))
         assert len(resting) > 0
@@ -62,7 +55,7 @@ def test_it_tells_new_trials_apart_once_the_hand_has_moved(past):
 
 
 def test_it_runs_as_it_was_learned_and_moves_no_other_weight():
-    with_one = replace(SMALL, recogniser=replace(QUICK, past=True), past_s=PAST_S)
+    with_one = replace(SMALL, recogniser=QUICK)
     trained, without = (
         finished(train(TRIALS, SAME_SECOND, settings, 0))
         for settings in (with_one, replace(SMALL, recogniser=None, reservoir=None))
@@ -72,16 +65,14 @@ def test_it_runs_as_it_was_learned_and_moves_no_other_weight():
     manifest, arrays = export(trained, TRIALS, 0.01 * np.eye(3), ModelFacts("small"))
     model, recogniser = build_model(manifest, arrays), trained.members[0].recogniser
     network = model.members[0].networks["recogniser"]
-    assert manifest.members[0]["recogniser"].inputs == ("window", "past")
+    assert manifest.members[0]["recogniser"].inputs == ("window",)
     track = torch.tensor(TRIALS[5].observed_m.reshape(len(TRIALS[5].observed_m), -1), dtype=torch.float32)
-    pasts = faded(track[None, 39:], PAST_S, 40.0)[0]
     for frame in (0, 60):
         window = track[frame : frame + 40].reshape(-1)
         with torch.no_grad():
-            wanted = recogniser.logits(window, pasts[frame]).numpy()
-        seen = torch.cat([window, pasts[frame]]).numpy()
+            wanted = recogniser.logits(window).numpy()
         # Both run in single precision, in another order of additions.
-        np.testing.assert_allclose(network.run(seen, network.first_memory())[0], wanted, atol=2e-5)
+        np.testing.assert_allclose(network.run(window.numpy(), network.first_memory())[0], wanted, atol=2e-5)
     assert (model.temper, model.forgetting) == tuple(recognition_rates(40.0))
     manifest, arrays = export(without, TRIALS, 0.01 * np.eye(3), ModelFacts("small"))
     assert "recogniser" not in manifest.members[0]
