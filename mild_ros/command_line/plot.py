@@ -128,7 +128,7 @@ def filmstrip(
 
     A rocket with Pepper, by the model of its own joints; the person kneels, as before a child:
 
-        mild replay bags/rocket_kneeling --config pepper --source azure_kinect --lock-step --out out/pepper
+        mild replay bags/rocket_kneeling --config pepper --source azure_kinect --interaction rocket --out out/pepper
 
         mild plot filmstrip out/pepper/recorded --config pepper --source azure_kinect
 

@@ -81,7 +81,7 @@ def test_before_the_approach_the_motion_is_the_learned_one(
 
 
 def test_a_person_on_one_knee_and_pepper_raise_their_fists_together(tmp_path: Path) -> None:
-    parameters = PipelineParameters(model="pepper_nuisi_next", robot="pepper")
+    parameters = PipelineParameters(model="pepper_nuisi_next", robot="pepper", interaction="rocket")
     model = load(parameters.model)
     whole, source = make_pipeline(parameters, model), skeleton_source(parameters)
     replay_in_process(
