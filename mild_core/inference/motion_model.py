@@ -56,7 +56,7 @@ class MildModel:
 
     @property
     def recognises(self) -> bool:
-        """Whether members have networks that tell interactions apart; otherwise their priors' likelihoods do."""
+        """Whether members have networks that tell interactions apart; otherwise the reservoir does, or else their priors."""
         return "recogniser" in self.members[0].networks
 
 

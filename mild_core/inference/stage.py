@@ -178,7 +178,7 @@ class Inference:
     def _seen(self, state: InferenceState, index: int, window: FeatureWindow) -> InferenceState:
         """The state with this window in all that remembers the arm's own motion: reservoir and rest."""
         passed = index - state.index
-        positions = window.features[:, : 3 * len(window.joint_names)]
+        positions = _positions(window)
         units = rest = None
         if self.model.reservoir is not None and np.isfinite(positions).all():
             units = self.model.reservoir.listen(positions, self.model.manifest.rate_hz, state.units, passed)[-1]
@@ -206,8 +206,7 @@ class Inference:
         """What the members expect, blended with what the reservoir expects and displaced by the robot's start."""
         label, model, motion, covariance = recognition.probabilities, self.model, members.motion, members.covariance
         if model.reservoir is not None and seen.units is not None:
-            positions = window.features[:, : 3 * len(window.joint_names)]
-            answer = model.reservoir.answer(seen.units, positions, label)
+            answer = model.reservoir.answer(seen.units, _positions(window), label)
             motion, covariance = model.reservoir.blend(motion, covariance, answer)
         if model.start_pose is not None and seen.start is not None:
             motion = model.start_pose.displaced(motion, seen.start, label)
@@ -243,8 +242,7 @@ class Inference:
             return before
         told = log_likelihoods.mean(axis=0)
         if self.model.reservoir is not None and seen.units is not None:
-            positions = window.features[:, : 3 * len(window.joint_names)]
-            by_motion = self.model.reservoir.tell_apart(seen.units, positions)
+            by_motion = self.model.reservoir.tell_apart(seen.units, _positions(window))
             told = 0.5 * (told + by_motion) if self.model.recognises else by_motion
         return recognise(before, told, self.model.temper, self.model.forgetting)
 
@@ -278,3 +276,8 @@ class Inference:
             phase=generated.phase,
             out_of_distribution=strangeness,
         )
+
+
+def _positions(window: FeatureWindow) -> FloatArray:
+    """(W, 3 J) a window without its velocities [m]."""
+    return window.features[:, : 3 * len(window.joint_names)]

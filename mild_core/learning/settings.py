@@ -178,7 +178,7 @@ class TrainingSettings:
         prior: The prior and its re-estimation.
         weights: Of the objective's terms.
         augmentation: None: trials as recorded.
-        recogniser: None: the priors' likelihoods tell interactions apart.
+        recogniser: None: the reservoir alone tells interactions apart; without one, the priors' likelihoods do.
         reservoir: None: the members answer alone.
         start_pose: Whether it is learned what the robot's start tells, see `start_pose`; needs a reservoir.
         stride: S: belief and memory see every S-th window; durations count in steps of S frames.

@@ -31,7 +31,7 @@ class TrainedMember:
         prior: Of all interactions.
         question: Coordinates of the human's windows.
         answer: Coordinates of the robot's windows.
-        recogniser: None: the priors tell interactions apart.
+        recogniser: None: the reservoir tells interactions apart, or else the priors do.
     """
 
     networks: MemberNetworks
