@@ -56,7 +56,7 @@ class MildModel:
 
     @property
     def recognises(self) -> bool:
-        """Whether members have networks that tell interactions apart; otherwise the reservoir does, or else their priors."""
+        """Whether members have networks that tell interactions apart; else the reservoir does, or their priors do."""
         return "recogniser" in self.members[0].networks
 
 
