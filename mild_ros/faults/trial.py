@@ -28,7 +28,10 @@ BESIDE_RAD = 0.2
 
 
 TRIES, PAUSE_S = 3, 0.1
-"""A fault is tried again after this process had to stand still for longer than this."""
+"""A fault is tried again after this process had to stand still for longer than this ..."""
+
+OTHER_STOPS = tuple(f"retargeting {why}" for why in ("gap", "displaced", "robot_silent", "held_unknown"))
+"""... or after the robot stopped for one of these reasons, unless they are the fault's own: other processes had to."""
 
 A_WHILE_NS = 250_000_000
 """Who does not move for so long has come to rest."""
@@ -46,6 +49,7 @@ class Outcome:
             went on.
         recovery_s: How long after its end the robot followed again; None when it never did.
         counted: How much each of the fault's counters rose.
+        stopped_by: Reasons to stop that are not the fault's, counted meanwhile.
         commands: How many commands were judged.
     """
 
@@ -55,6 +59,7 @@ class Outcome:
     rest_s: float | None = None
     recovery_s: float | None = None
     counted: Mapping[str, int] = field(default_factory=dict)
+    stopped_by: tuple[str, ...] = ()
     commands: int = 0
 
     @property
@@ -98,7 +103,8 @@ def tried(room: Room, fault: Fault) -> Outcome:
     for _ in range(TRIES):
         room.longest_pause_s = 0.0
         outcome = _tried(room, fault)
-        if outcome.broken or not outcome.missed or room.longest_pause_s < PAUSE_S:
+        undisturbed = room.longest_pause_s < PAUSE_S and not outcome.stopped_by
+        if outcome.broken or not outcome.missed or undisturbed:
             break
     return outcome
 
@@ -123,7 +129,9 @@ def _tried(room: Room, fault: Fault) -> Outcome:
     rest_s = _rest_s(fault.answer, during, begun_ns, left_ns)
     missed += _complaints(fault, during, rest_s, put_rad)
     commands = room.commands[max(first - 3, 0) :]
-    return Outcome(fault, tuple(problems(ROBOT, commands)), tuple(missed), rest_s, recovery_s, counted, len(commands))
+    broken = tuple(problems(ROBOT, commands))
+    others = tuple(key for key in OTHER_STOPS if key not in fault.counted and after.get(key, 0) > before.get(key, 0))
+    return Outcome(fault, broken, tuple(missed), rest_s, recovery_s, counted, others, len(commands))
 
 
 def _rest_s(answer: Answer, during: Sequence[Command], begun_ns: int, left_ns: int | None) -> float | None:

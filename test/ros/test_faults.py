@@ -40,7 +40,7 @@ def live_room(tmp_path_factory: pytest.TempPathFactory, ros_domain: int) -> Iter
 def check_survived(room: Room, fault: Fault) -> None:
     """Assert that nothing went wrong, and that somebody was there to see it."""
     outcome = tried(room, fault)
-    assert outcome.wrong == ()
+    assert outcome.wrong == (), outcome
     # 25 in half a second; while a process stands still there are none.
     assert outcome.commands > 25
 
@@ -60,6 +60,13 @@ def test_what_is_not_survived_is_told(replayed_room: Room) -> None:
     assert wrong[0] == "perception not_finite was not counted"
     assert wrong[1].startswith("no rest within 1 s")
     assert len(wrong) == 2
+
+
+@pytest.mark.slow
+def test_another_reason_to_stop_is_told(replayed_room: Room) -> None:
+    outcome = tried(replayed_room, replace(FAULTS["robot NaN"], counted=("perception not_finite",)))
+    assert outcome.wrong == ("perception not_finite was not counted",)
+    assert outcome.stopped_by == ("retargeting robot_silent",)
 
 
 @pytest.mark.slow
