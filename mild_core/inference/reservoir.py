@@ -106,14 +106,19 @@ class Reservoir:
             before: (R,) state before the newest `passed` frames; None: nobody was seen before the first of these W.
             passed: How many frames are new; with no state before, all are.
         """
-        velocities = np.diff(positions, axis=0, prepend=positions[:1]) * rate_hz
-        drive = np.hstack([positions, velocities, np.ones((len(positions), 1))]) @ self.intake
+        drive = self.drive(positions, rate_hz)
         if before is None:
             rest = np.repeat(drive[:1], round(SETTLED_S * rate_hz), axis=0)
             before = run_units(rest, *self._units, np.zeros(len(self.leak)))[-1]
         else:
             drive = drive[-passed:]
         return read_only(run_units(drive, *self._units, np.array(before)))
+
+    def drive(self, positions: FloatArray, rate_hz: float) -> FloatArray:
+        """(T, R) what the frames of a track (T, 3 J) [m] give each unit; its first frame comes after a rest."""
+        velocities = np.diff(positions, axis=0, prepend=positions[:1]) * rate_hz
+        drive: FloatArray = np.hstack([positions, velocities, np.ones((len(positions), 1))]) @ self.intake
+        return drive
 
     def answer(self, state: FloatArray, positions: FloatArray, label: FloatArray) -> FloatArray:
         """(W N,) expected window of the controlled agent [rad or m].

@@ -8,10 +8,12 @@ is learned from after rests of several lengths.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array  # type: ignore[import-untyped]  # scipy brings no types
 
 from mild_core.inference.reservoir import SETTLED_S, Reservoir
 from mild_core.learning.corpus import Corpus, Tracks, bend, cut_tracks
@@ -26,7 +28,10 @@ STRIDE = 4
 """One window in so many is learned from: neighbours are almost equal."""
 
 RESTS_S = (SETTLED_S, 10.0, 50.0)
-"""How long a person has stood before a trial, each time that it is learned from."""
+"""How long a person has stood before a trial, each time that it is learned from: ever longer."""
+
+TOGETHER = 32
+"""Trials that units listen to at once: several times as fast as one after the other, and memory holds them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,13 +61,13 @@ def seen_trials(corpus: Corpus, units: Reservoir, training: TrainingSettings, se
         seed: Of how they are bent.
     """
     wanted = _wanted(corpus, corpus.tracks, units)
-    learned = [(_features(corpus, corpus.tracks, units, rest_s), wanted) for rest_s in RESTS_S]
+    learned = [(features, wanted) for features in _features(corpus, corpus.tracks, units, RESTS_S)]
     if training.augmentation is not None and training.reservoir is not None:
         with drawing_from(*seed):
             for copy in range(training.reservoir.copies):
                 bent = bend(corpus.tracks, replace(training.augmentation, copies=1))
-                rest_s = RESTS_S[copy % len(RESTS_S)]
-                learned.append((_features(corpus, bent, units, rest_s), _wanted(corpus, bent, units)))
+                (features,) = _features(corpus, bent, units, [RESTS_S[copy % len(RESTS_S)]])
+                learned.append((features, _wanted(corpus, bent, units)))
     trials = []
     for place, label in enumerate(corpus.tracks.label.tolist()):
         pairs = [(features[place], answers[place]) for features, answers in learned]
@@ -70,18 +75,53 @@ def seen_trials(corpus: Corpus, units: Reservoir, training: TrainingSettings, se
     return trials
 
 
-def _features(corpus: Corpus, tracks: Tracks, units: Reservoir, rest_s: float) -> list[FloatArray]:
-    """(n, F) of every `STRIDE`-th window of each trial: states, newest frame, oldest, the one between."""
-    protocol, found = corpus.protocol, []
+def _features(corpus: Corpus, tracks: Tracks, units: Reservoir, rests_s: Sequence[float]) -> list[list[FloatArray]]:
+    """(n, F) of every `STRIDE`-th window, by rest and trial: states, newest frame, oldest, the one between."""
+    protocol, kept = corpus.protocol, []
     for observed, alive in zip(tracks.observed, tracks.alive, strict=True):
         frames = int(alive.sum()) // protocol.keep_every
-        positions = observed[: frames * protocol.keep_every : protocol.keep_every].double().numpy()
-        rest = np.repeat(positions[:1], round((rest_s - SETTLED_S) * corpus.rate_hz), axis=0)
-        states = units.listen(np.vstack([rest, positions]), corpus.rate_hz, None, 0)[len(rest) :]
-        newest = _newest(protocol, frames)
-        seen = [positions[newest - back] for back in (0, protocol.window - 1, protocol.window // 2)]
-        found.append(np.hstack([states[newest], *seen]))
+        kept.append(observed[: frames * protocol.keep_every : protocol.keep_every].double().numpy())
+    found: list[list[FloatArray]] = [[] for _ in rests_s]
+    for first in range(0, len(kept), TOGETHER):
+        trials = kept[first : first + TOGETHER]
+        states = _states(units, trials, corpus.rate_hz, rests_s, protocol.window - 1)
+        for own, of_rest in zip(found, states, strict=True):
+            for trial, of_trial in zip(trials, of_rest, strict=True):
+                newest = _newest(protocol, len(trial))
+                seen = [trial[newest - back] for back in (0, protocol.window - 1, protocol.window // 2)]
+                own.append(np.hstack([of_trial[: len(newest)], *seen]))
     return found
+
+
+def _states(
+    units: Reservoir, trials: Sequence[FloatArray], rate_hz: float, rests_s: Sequence[float], first: int
+) -> FloatArray:
+    """(rests, trials, n, R) states after every `STRIDE`-th frame from the `first` on; after a trial's end its last.
+
+    As of `Reservoir.listen`, for all trials at once.
+    """
+    longest = max(map(len, trials))
+    drives = [units.drive(np.pad(trial, ((0, longest - len(trial)), (0, 0)), "edge"), rate_hz) for trial in trials]
+    drive, leak = np.ascontiguousarray(np.array(drives).transpose(1, 2, 0)), units.leak[:, None]
+    hearing = np.tile(np.arange(len(leak)), len(units.sources))
+    heard = csr_array((units.strengths.ravel(), (hearing, units.sources.ravel().astype(np.int64))))
+
+    def after(state: FloatArray, given: FloatArray) -> FloatArray:
+        moved: FloatArray = state + leak * (np.tanh(heard @ state + given) - state)
+        return moved
+
+    state, rested, begun = np.zeros(drive.shape[1:]), 0, []
+    for rest_s in rests_s:
+        for _ in range(round(rest_s * rate_hz) - rested):
+            state = after(state, drive[0])
+        rested = round(rest_s * rate_hz)
+        begun.append(state)
+    state, states = np.hstack(begun), []
+    for number, given in enumerate(drive):
+        state = after(state, np.tile(given, len(rests_s)))
+        if number >= first and (number - first) % STRIDE == 0:
+            states.append(state.reshape(len(state), len(rests_s), -1))
+    return np.array(states).transpose(2, 3, 0, 1)
 
 
 def _newest(protocol: Protocol, frames: int) -> NDArray[np.int64]:
