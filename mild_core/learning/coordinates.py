@@ -38,7 +38,8 @@ class Coordinates:
         """(..., F) -> (..., n)."""
         if self.directions is None:
             return windows
-        return ((windows - self.mean) @ self.directions) / self.scale
+        directions = self.directions / self.scale
+        return windows @ directions - self.mean @ directions
 
     def restore(self, coordinates: Tensor) -> Tensor:
         """(..., n) -> (..., F), what of the windows lies in their span."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -43,7 +44,7 @@ class WindowBatch:
     Attributes:
         question: (B, N, W D) the human's.
         answer: (B, N, W J) the robot's.
-        valid: (B, N) 1 where both were recorded, else 0.
+        valid: (B, N) 1 where both were recorded, else 0: the first so many of each trial.
         label: (B,).
         first: Number of the first window; the others follow at the stride it was cut with.
     """
@@ -53,6 +54,21 @@ class WindowBatch:
     valid: Tensor
     label: Tensor
     first: int
+
+    @cached_property
+    def lengths(self) -> list[int]:
+        """How many windows of each trial are valid, M in sum."""
+        counts: list[int] = (self.valid > 0).sum(dim=1).tolist()
+        return counts
+
+    @cached_property
+    def places(self) -> Tensor:
+        """(M,) places of the valid windows among all B N."""
+        return torch.nonzero(self.valid.flatten())[:, 0]
+
+    def valid_of(self, values: Tensor) -> Tensor:
+        """(B, N, ...) -> (M, ...), trial after trial: the others are not worth computing."""
+        return values.flatten(0, 1).index_select(0, self.places)
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,47 +34,46 @@ def explain_windows(
 
     Args:
         components: Means (P, K, Z) and covariances (P, K, Z, Z) of all interactions, observed dimensions first.
-        labels: (B,) places among the P.
-        observed: (B, N, Q) latents.
-        widening: (B, N, Q, Q) covariances of the encoder's posteriors.
-        log_emissions: (B, N, K) filled.
-        gains: (B, N, K, Z - Q, Q) filled.
+        labels: (M,) places among the P.
+        observed: (M, Q) latents.
+        widening: (M, Q, Q) covariances of the encoder's posteriors.
+        log_emissions: (M, K) filled.
+        gains: (M, K, Z - Q, Q) filled.
 
     Source: eq. 8 of MILD as mild_core/README.md corrects it. A Cholesky factor by hand: these systems are far too
     small for a library call.
     """
     means, covariances = components
-    (batch, windows, size), total = observed.shape, means.shape[2]
+    (windows, size), total = observed.shape, means.shape[2]
     block, whitened = np.empty((total, size)), np.empty(size)
-    for b in range(batch):
-        for n in range(windows):
-            for j in range(means.shape[1]):
-                for row in range(total):
-                    for column in range(size):
-                        block[row, column] = covariances[labels[b], j, row, column]
-                        if row < size:
-                            block[row, column] += widening[b, n, row, column]
-                for row in range(total):
-                    for column in range(min(row + 1, size)):
-                        value = block[row, column]
-                        for k in range(column):
-                            value -= block[row, k] * block[column, k]
-                        block[row, column] = np.sqrt(value) if row == column else value / block[column, column]
-                log_density = -0.5 * size * LOG_TWO_PI
-                for row in range(size):
-                    value = observed[b, n, row] - means[labels[b], j, row]
-                    for k in range(row):
-                        value -= block[row, k] * whitened[k]
-                    whitened[row] = value / block[row, row]
-                    log_density -= 0.5 * whitened[row] ** 2 + np.log(block[row, row])
-                log_emissions[b, n, j] = log_density
-                for row in range(size, total):
-                    for column in range(size - 1, -1, -1):
-                        value = block[row, column]
-                        for k in range(column + 1, size):
-                            value -= block[row, k] * block[k, column]
-                        block[row, column] = value / block[column, column]
-                        gains[b, n, j, row - size, column] = block[row, column]
+    for n in range(windows):
+        for j in range(means.shape[1]):
+            for row in range(total):
+                for column in range(size):
+                    block[row, column] = covariances[labels[n], j, row, column]
+                    if row < size:
+                        block[row, column] += widening[n, row, column]
+            for row in range(total):
+                for column in range(min(row + 1, size)):
+                    value = block[row, column]
+                    for k in range(column):
+                        value -= block[row, k] * block[column, k]
+                    block[row, column] = np.sqrt(value) if row == column else value / block[column, column]
+            log_density = -0.5 * size * LOG_TWO_PI
+            for row in range(size):
+                value = observed[n, row] - means[labels[n], j, row]
+                for k in range(row):
+                    value -= block[row, k] * whitened[k]
+                whitened[row] = value / block[row, row]
+                log_density -= 0.5 * whitened[row] ** 2 + np.log(block[row, row])
+            log_emissions[n, j] = log_density
+            for row in range(size, total):
+                for column in range(size - 1, -1, -1):
+                    value = block[row, column]
+                    for k in range(column + 1, size):
+                        value -= block[row, k] * block[k, column]
+                    block[row, column] = value / block[column, column]
+                    gains[n, j, row - size, column] = block[row, column]
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +91,7 @@ class BlockPrior:
     log_determinant: Tensor
 
     def divergence(self, posterior: Posterior, label: Tensor, component: Tensor) -> Tensor:
-        """(B, N) KL(posterior || component) in nats; `label` and `component` are (B, N).
+        """(M,) KL(posterior || component) in nats; `label` and `component` are (M,).
 
         Source: eq. 3 of MILD.
         """
@@ -125,25 +124,32 @@ class LatentPrior:
     means: Tensor
     components: tuple[FloatArray, FloatArray]
 
-    def explain(self, posterior: Posterior, label: Tensor) -> tuple[Tensor, Tensor]:
-        """How far the filter believes in each component and what that one expects, at each of N steps of B trials.
+    def explain(self, posterior: Posterior, label: Tensor, lengths: Sequence[int]) -> tuple[Tensor, Tensor]:
+        """How far the filter believes in each component and what that one expects, at each step of B trials.
 
         Gradients reach the encoder through its mean alone; belief, gains and prior are taken as they are.
 
+        Args:
+            posterior: Of M steps, trial after trial.
+            label: (B,) of the trials.
+            lengths: Steps of each trial, M in sum.
+
         Returns:
-            The belief (B, N, K) and the robot's latent expected under each component (B, N, K, C).
+            The belief (M, K) and the robot's latent expected under each component (M, K, C).
         """
         size = posterior.mean.shape[-1]
         observed = posterior.mean.detach().double().numpy()
         widening = posterior.covariance.detach().double().numpy()
-        log_emissions = np.empty((*observed.shape[:2], self.means.shape[1]))
+        log_emissions = np.empty((len(observed), self.means.shape[1]))
         gains = np.empty((*log_emissions.shape, self.means.shape[-1] - size, size))
-        explain_windows(self.components, label.numpy(), observed, widening, log_emissions, gains)
+        of_step = label.repeat_interleave(torch.tensor(lengths))
+        explain_windows(self.components, of_step.numpy(), observed, widening, log_emissions, gains)
         chosen = [self.priors[c] for c in label.tolist()]
-        belief = np.stack(
-            [run_filter(p.chain, row, restart=p.restart).weights for p, row in zip(chosen, log_emissions, strict=True)]
+        trials = np.split(log_emissions, np.cumsum(lengths)[:-1])
+        belief = np.concatenate(
+            [run_filter(p.chain, row, restart=p.restart).weights for p, row in zip(chosen, trials, strict=True)]
         )
-        means = self.means[label][:, None]
+        means = self.means[of_step]
         surprise = posterior.mean[..., None, :] - means[..., :size]
         expected = means[..., size:] + (torch.from_numpy(gains.astype(np.float32)) @ surprise[..., None])[..., 0]
         return torch.from_numpy(belief.astype(np.float32)), expected

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -61,11 +61,17 @@ class Objective:
     answer: Coordinates
     labels: int
 
+    def projected(self, windows: WindowBatch) -> WindowBatch:
+        """Windows in coordinates, as all else here takes them; zero where they are not valid."""
+        question, answer = (torch.zeros(*windows.valid.shape, c.size) for c in (self.question, self.answer))
+        question.flatten(0, 1)[windows.places] = self.question.project(windows.valid_of(windows.question))
+        answer.flatten(0, 1)[windows.places] = self.answer.project(windows.valid_of(windows.answer))
+        return replace(windows, question=question, answer=answer)
+
     def known(self, networks: MemberNetworks, batch: WindowBatch) -> dict[str, Tensor]:
-        """The sources of the networks: coordinates of the human's windows, the label, the context."""
-        window = self.question.project(batch.question)
-        label = functional.one_hot(batch.label, self.labels).float()[:, None].expand(-1, window.shape[1], -1)
-        return networks.sources(window, label)
+        """The sources of the networks at the valid windows: the human's coordinates, the label, the context."""
+        label = functional.one_hot(batch.label, self.labels).float()[:, None].expand(*batch.valid.shape, -1)
+        return {name: batch.valid_of(value) for name, value in networks.sources(batch.question, label).items()}
 
     def terms(
         self, networks: MemberNetworks, batch: WindowBatch, prior: LatentPrior | None, observed_only: bool = False
@@ -74,7 +80,7 @@ class Objective:
 
         Args:
             networks: In training mode.
-            batch: Successive windows of trials at the gradient's stride.
+            batch: Successive windows of trials at the gradient's stride, projected.
             prior: None in the first epoch, when both priors are N(0, I).
             observed_only: Leave out the robot's networks.
         """
@@ -83,53 +89,55 @@ class Objective:
         known = self.known(networks, batch)
         human = networks.observe(known)
         observed = self._reconstruction(
-            networks.counterpart_decoder(human.samples(self.settings.samples)), known["window"], self.question, batch
+            networks.counterpart_decoder(human.samples(self.settings.samples)), known["window"], self.question
         )
         if observed_only:
             return Terms(zero, observed, zero, self._divergence(human, prior, batch, True))
-        wanted = self.answer.project(batch.answer)
+        wanted = batch.valid_of(batch.answer)
         robot = networks.counterpart(wanted)
         answered = networks.answer(known, robot.samples(self.settings.samples))
-        controlled = self._reconstruction(answered, wanted, self.answer, batch)
+        controlled = self._reconstruction(answered, wanted, self.answer)
         divergence = self._divergence(human, prior, batch, True) + self._divergence(robot, prior, batch, False)
         prediction = zero
         if weights.prediction > 0.0:
-            prediction = self.prediction(networks, batch, prior, known, human)
+            prediction = self._prediction(networks, batch, prior, known, human, wanted)
         return Terms(prediction, observed, controlled, divergence)
 
-    def prediction(
+    def prediction(self, networks: MemberNetworks, batch: WindowBatch, prior: LatentPrior | None) -> Tensor:
+        """Error of the robot's windows from what is known of the human."""
+        known, wanted = self.known(networks, batch), batch.valid_of(batch.answer)
+        return self._prediction(networks, batch, prior, known, networks.observe(known), wanted)
+
+    def _prediction(
         self,
         networks: MemberNetworks,
         batch: WindowBatch,
         prior: LatentPrior | None,
         known: Mapping[str, Tensor],
         human: Posterior,
+        wanted: Tensor,
     ) -> Tensor:
         """Error of the robot's windows from what is `known` of the human and the latent that follows from it."""
         # Before there is a prior the human's latent stands in for the robot's, to set the encoder going.
         conditioned = human.mean
         if prior is not None:
-            conditioned = networks.condition(known, *prior.explain(human, batch.label))
+            conditioned = networks.condition(known, *prior.explain(human, batch.label, batch.lengths))
         predicted = networks.answer(known, networks.correct(known, conditioned))
-        return self._reconstruction(predicted[None], self.answer.project(batch.answer), self.answer, batch)
+        return self._reconstruction(predicted, wanted, self.answer)
 
-    def _reconstruction(self, given: Tensor, wanted: Tensor, coordinates: Coordinates, batch: WindowBatch) -> Tensor:
-        """Mean weighted squared error of (S, B, N, n) samples."""
-        squared = ((given - wanted) ** 2 * coordinates.errors).sum(-1).mean(0)
-        return _mean(squared, batch.valid)
+    def _reconstruction(self, given: Tensor, wanted: Tensor, coordinates: Coordinates) -> Tensor:
+        """Mean weighted squared error of (M, n) coordinates, or of samples (S, M, n) of them."""
+        return ((given - wanted) ** 2 * coordinates.errors).sum(-1).mean()
 
     def _divergence(
         self, posterior: Posterior, prior: LatentPrior | None, batch: WindowBatch, observed: bool
     ) -> Tensor:
         if prior is None:
-            return _mean(_divergence_from_unit(posterior), batch.valid)
-        step = (
-            batch.first + torch.arange(batch.valid.shape[1]) * self.settings.gradient_stride
-        ) // self.settings.stride
-        component = prior.path[batch.label][:, step]
-        label = batch.label[:, None].expand_as(component)
+            return _divergence_from_unit(posterior).mean()
+        trial, number = batch.places // batch.valid.shape[1], batch.places % batch.valid.shape[1]
+        label, step = batch.label[trial], (batch.first + number * self.settings.gradient_stride) // self.settings.stride
         block = prior.observed if observed else prior.controlled
-        return _mean(block.divergence(posterior, label, component), batch.valid)
+        return block.divergence(posterior, label, prior.path[label, step]).mean()
 
 
 def _divergence_from_unit(posterior: Posterior) -> Tensor:
@@ -138,8 +146,3 @@ def _divergence_from_unit(posterior: Posterior) -> Tensor:
     size = posterior.mean.shape[-1]
     square = posterior.mean.square().sum(-1) + posterior.factor.square().sum((-1, -2))
     return 0.5 * (square - size) - torch.log(diagonal).sum(-1)
-
-
-def _mean(values: Tensor, valid: Tensor) -> Tensor:
-    """Mean of (B, N) values over the valid windows."""
-    return (values * valid).sum() / valid.sum()

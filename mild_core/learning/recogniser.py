@@ -75,12 +75,12 @@ def train_recogniser(
         tracks, first = bend(corpus.tracks, augmentation), int(torch.randint(STRIDE, ()))
         batch = cut_tracks(corpus, tracks, first, STRIDE, phase)
         observed = tracks.observed[:, phase :: corpus.protocol.keep_every]
-        newest = has_started(observed)[:, first + width - 1 :: STRIDE]
-        wanted = functional.one_hot(batch.label, labels).float()[:, None].expand(*batch.valid.shape, -1)
-        wanted = torch.where(newest[:, : batch.valid.shape[1], None], wanted, torch.full_like(wanted, 1.0 / labels))
-        surprise = -(wanted * functional.log_softmax(recogniser.logits(batch.question), -1)).sum(-1)
+        started = has_started(observed)[:, first + width - 1 :: STRIDE][:, : batch.valid.shape[1]]
+        certain = functional.one_hot(batch.label, labels).float()[:, None]
+        wanted = batch.valid_of(torch.where(started[..., None], certain, torch.full_like(certain, 1.0 / labels)))
+        logits = recogniser.logits(batch.valid_of(batch.question))
         optimiser.zero_grad()
-        ((surprise * batch.valid).sum() / batch.valid.sum()).backward()  # type: ignore[no-untyped-call]
+        functional.cross_entropy(logits, wanted).backward()  # type: ignore[no-untyped-call]
         optimiser.step()
     network.eval()
     return recogniser

@@ -58,14 +58,13 @@ def encode(
     steps = 0
     with torch.no_grad():
         for first in sorted({0, stride // 2}):
-            batch = cut_tracks(corpus, corpus.tracks, first, stride)
+            batch = objective.projected(cut_tracks(corpus, corpus.tracks, first, stride))
             human = networks.observe(objective.known(networks, batch))
-            robot = networks.counterpart(objective.answer.project(batch.answer))
-            joint = torch.cat([human.mean, robot.mean], dim=-1).double().numpy()
-            for label, row, valid in zip(batch.label.tolist(), joint, batch.valid, strict=True):
-                latents[corpus.interactions[label]].append(row[: int(valid.sum())])
-            recorded = batch.valid > 0
-            covariances.append((human.covariance[recorded].mean(0), robot.covariance[recorded].mean(0)))
+            robot = networks.counterpart(batch.valid_of(batch.answer))
+            joint = torch.cat([human.mean, robot.mean], dim=-1).double()
+            for label, trial in zip(batch.label.tolist(), torch.split(joint, batch.lengths), strict=True):
+                latents[corpus.interactions[label]].append(trial.numpy())
+            covariances.append((human.covariance.mean(0), robot.covariance.mean(0)))
             steps = max(steps, batch.valid.shape[1])
     mean = (torch.stack([pair[0] for pair in covariances]).mean(0), torch.stack([p[1] for p in covariances]).mean(0))
     return latents, mean, steps + 1

@@ -48,6 +48,5 @@ def validation_error(learner: Learner, objective: Objective, held_out: Corpus) -
         networks.load_state_dict(learner.average)
     networks.eval()
     with torch.no_grad():
-        batch = cut_tracks(held_out, held_out.tracks, 0, objective.settings.stride)
-        known = objective.known(networks, batch)
-        return float(objective.prediction(networks, batch, learner.prior, known, networks.observe(known)))
+        batch = objective.projected(cut_tracks(held_out, held_out.tracks, 0, objective.settings.stride))
+        return float(objective.prediction(networks, batch, learner.prior))

@@ -46,9 +46,13 @@ class TrainedMember:
             labels = len(self.prior.priors)
             known_label = torch.nn.functional.one_hot(label, labels).float()[:, None]
             window = self.question.project(questions)
-            known = self.networks.sources(window, known_label.expand(-1, window.shape[1], -1))
-            conditioned = self.networks.condition(known, *self.prior.explain(self.networks.observe(known), label))
-            return self.answer.restore(self.networks.answer(known, self.networks.correct(known, conditioned)))
+            sources = self.networks.sources(window, known_label.expand(-1, window.shape[1], -1))
+            known = {name: value.flatten(0, 1) for name, value in sources.items()}
+            lengths = [window.shape[1]] * len(window)
+            explained = self.prior.explain(self.networks.observe(known), label, lengths)
+            controlled = self.networks.correct(known, self.networks.condition(known, *explained))
+            answer = self.answer.restore(self.networks.answer(known, controlled))
+            return answer.reshape(*window.shape[:2], -1)
 
 
 @dataclass(frozen=True, eq=False)

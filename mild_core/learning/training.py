@@ -265,7 +265,9 @@ def _pass(
     cuts = min(
         settings.gradient_stride, corpus.protocol.windows_of(tracks.observed.shape[1] // corpus.protocol.keep_every)
     )
-    windows = cut_tracks(corpus, tracks, int(torch.randint(cuts, ())), settings.gradient_stride, phase)
+    windows = objective.projected(
+        cut_tracks(corpus, tracks, int(torch.randint(cuts, ())), settings.gradient_stride, phase)
+    )
     networks.train()
     # A trial of fewer windows than that stride may have none this time.
     cut = torch.nonzero(windows.valid.any(dim=1))[:, 0]

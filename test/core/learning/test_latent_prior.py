@@ -24,8 +24,8 @@ WIDENING = (0.05 * torch.eye(Q), 0.1 * torch.eye(Q))
 LATENT = latent_prior(PRIORS, WIDENING, STEPS)
 
 
-def made_posterior(batch):
-    return posterior_of(torch.tensor(RNG.normal(size=(batch, STEPS, Q + Q * (Q + 1) // 2)), dtype=torch.float32), Q)
+def made_posterior(steps):
+    return posterior_of(torch.tensor(RNG.normal(size=(steps, Q + Q * (Q + 1) // 2)), dtype=torch.float32), Q)
 
 
 def test_the_factor_is_lower_triangular_row_by_row_with_a_positive_diagonal():
@@ -48,9 +48,12 @@ def test_samples_have_the_posteriors_moments():
 
 
 def test_conditioning_equals_the_run_time_filter():
-    posterior, label = made_posterior(3), torch.tensor([1, 0, 1])
-    belief, conditioned = LATENT.explain(posterior, label)
-    for row, prior in enumerate((PRIORS["b"], PRIORS["a"], PRIORS["b"])):
+    lengths = [STEPS, 12, 1]
+    posterior, label = made_posterior(sum(lengths)), torch.tensor([1, 0, 1])
+    belief, conditioned = LATENT.explain(posterior, label, lengths)
+    ends = np.cumsum(lengths)
+    for first, stop, prior in zip(ends - lengths, ends, (PRIORS["b"], PRIORS["a"], PRIORS["b"]), strict=True):
+        row = slice(first, stop)
         mean, covariance = posterior.mean[row].double().numpy(), posterior.covariance[row].double().numpy()
         filtered = prior.filter(mean, covariance)
         # Single precision here.
@@ -59,25 +62,26 @@ def test_conditioning_equals_the_run_time_filter():
 
 
 def test_gradients_of_the_conditional_are_the_mixed_gains():
-    posterior, label = made_posterior(1), torch.tensor([0])
+    posterior, label = made_posterior(STEPS), torch.tensor([0])
     mean = posterior.mean.clone().requires_grad_()
-    belief, conditioned = LATENT.explain(Posterior(mean, posterior.factor), label)
-    (belief[0, 5] * conditioned[0, 5, :, 1]).sum().backward()
+    belief, conditioned = LATENT.explain(Posterior(mean, posterior.factor), label, [STEPS])
+    (belief[5] * conditioned[5, :, 1]).sum().backward()
     prior = PRIORS["a"]
-    weights = prior.filter(posterior.mean[0].double().numpy(), posterior.covariance[0].double().numpy()).weights[5]
-    covariance, widening = prior.components.covariance, posterior.covariance[0, 5].double().numpy()
+    weights = prior.filter(posterior.mean.double().numpy(), posterior.covariance.double().numpy()).weights[5]
+    covariance, widening = prior.components.covariance, posterior.covariance[5].double().numpy()
     gains = [c[Q:, :Q] @ np.linalg.inv(c[:Q, :Q] + widening) for c in covariance]
     expected = sum(w * gain[1] for w, gain in zip(weights, gains, strict=True))
-    np.testing.assert_allclose(mean.grad[0, 5].numpy(), expected, rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(mean.grad[5].numpy(), expected, rtol=1e-4, atol=1e-5)
     # Only the frame itself: belief is taken as it is.
-    assert mean.grad[0, :5].abs().max() == mean.grad[0, 6:].abs().max() == 0.0
+    assert mean.grad[:5].abs().max() == mean.grad[6:].abs().max() == 0.0
 
 
 def test_divergence_is_that_of_gaussians_from_the_widened_block():
-    posterior, label = made_posterior(2), torch.tensor([[0], [1]]).expand(2, STEPS)
-    component = torch.tensor(RNG.integers(3, size=(2, STEPS)))
+    posterior, label = made_posterior(2 * STEPS), torch.tensor([0, 1]).repeat_interleave(STEPS)
+    component = torch.tensor(RNG.integers(3, size=2 * STEPS))
     found = LATENT.controlled.divergence(posterior, label, component).numpy()
-    for row, prior in enumerate(PRIORS.values()):
+    for number, prior in enumerate(PRIORS.values()):
+        row = slice(number * STEPS, (number + 1) * STEPS)
         chosen = component[row].numpy()
         target = Gaussian(
             prior.components.mean[chosen, Q:], prior.components.covariance[chosen, Q:, Q:] + WIDENING[1].numpy()
