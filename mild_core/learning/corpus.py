@@ -62,13 +62,14 @@ class WindowBatch:
         return counts
 
     @cached_property
-    def places(self) -> Tensor:
-        """(M,) places of the valid windows among all B N."""
-        return torch.nonzero(self.valid.flatten())[:, 0]
+    def places(self) -> tuple[Tensor, Tensor]:
+        """Trial (M,) and number in it (M,) of each valid window."""
+        trial, number = torch.nonzero(self.valid, as_tuple=True)
+        return trial, number
 
     def valid_of(self, values: Tensor) -> Tensor:
         """(B, N, ...) -> (M, ...), trial after trial: the others are not worth computing."""
-        return values.flatten(0, 1).index_select(0, self.places)
+        return values[self.places]
 
 
 @dataclass(frozen=True, eq=False)

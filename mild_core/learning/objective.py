@@ -64,8 +64,8 @@ class Objective:
     def projected(self, windows: WindowBatch) -> WindowBatch:
         """Windows in coordinates, as all else here takes them; zero where they are not valid."""
         question, answer = (torch.zeros(*windows.valid.shape, c.size) for c in (self.question, self.answer))
-        question.flatten(0, 1)[windows.places] = self.question.project(windows.valid_of(windows.question))
-        answer.flatten(0, 1)[windows.places] = self.answer.project(windows.valid_of(windows.answer))
+        question[windows.places] = self.question.project(windows.valid_of(windows.question))
+        answer[windows.places] = self.answer.project(windows.valid_of(windows.answer))
         return replace(windows, question=question, answer=answer)
 
     def known(self, networks: MemberNetworks, batch: WindowBatch) -> dict[str, Tensor]:
@@ -134,7 +134,7 @@ class Objective:
     ) -> Tensor:
         if prior is None:
             return _divergence_from_unit(posterior).mean()
-        trial, number = batch.places // batch.valid.shape[1], batch.places % batch.valid.shape[1]
+        trial, number = batch.places
         label, step = batch.label[trial], (batch.first + number * self.settings.gradient_stride) // self.settings.stride
         block = prior.observed if observed else prior.controlled
         return block.divergence(posterior, label, prior.path[label, step]).mean()

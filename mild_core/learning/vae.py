@@ -71,7 +71,7 @@ def drop(values: Tensor, share: float) -> Tensor:
     if not share:
         return values
     seed = int(torch.randint(2**62, ()))
-    drawn = np.frombuffer(np.random.Generator(np.random.SFC64(seed)).bytes(values.numel()), dtype=np.uint8)
+    drawn = np.random.SFC64(seed).random_raw(-(-values.numel() // 8)).view(np.uint8)[: values.numel()]
     threshold = round(256 * share)
     kept = (drawn >= threshold).astype(np.float32) * np.float32(256 / (256 - threshold))
     return values * torch.from_numpy(kept.reshape(values.shape))
