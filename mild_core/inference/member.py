@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One member of a model: its networks and its priors, and what they make of one window."""
+"""One member of a model: its networks and its priors, and what they make of one window, told the interaction."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from mild_core.inference.networks import Float32Array, Network
 from mild_core.inference.priors.prior import Prior
 from mild_core.inference.stepping import (
     BOARD,
-    Chains,
     IntArray,
     Observed,
     Parts,
-    StackedPriors,
+    PriorParts,
     generate_window,
     observe_window,
+    recognise_window,
 )
 from mild_core.shapes import FloatArray, read_only
 
@@ -55,7 +55,7 @@ class MemberState:
 
     Attributes:
         context: Memory of the context network's cells.
-        memory: (A, K, D) belief over components and remaining time, of each interaction that is considered.
+        memory: (K, D) belief over components and remaining time.
     """
 
     context: Float32Array
@@ -69,7 +69,7 @@ class Generated:
     Attributes:
         motion: (W, N) the decoded window.
         covariance: (N, N) of a frame's values, averaged over the window.
-        weights: (K,) belief over the components of the likeliest interaction, after the gate.
+        weights: (K,) belief over the components, after the gate.
         phase: Expected progress by that belief, 0 to 1.
     """
 
@@ -81,111 +81,131 @@ class Generated:
 
 @dataclass(frozen=True, eq=False)
 class ReadyMember:
-    """A member with everything laid out for the compiled step.
+    """A member that is told the interaction, with everything laid out for the compiled step.
 
     Attributes:
         member: Which one.
-        considered: (A,) numbers of the interactions that can be the one.
-        phases: (P, K) of all priors.
+        label: (P,) one for the interaction, zero for the others.
+        phases: (K,) of its prior.
+        operators: (K, N N, C C) of its prior, see `mixing.add_spread`.
+        radius: See `Member.latent_radius`.
         residual_covariance: (N, N) of the model.
         places: Where each of `stepping.BOARD` begins, and the length of the board.
-        chains: The parts of `stepping.Chains`.
-        perceiving: Context, encoder, distance and recogniser networks, each the parts of `stepping.Compiled`.
+        prior: Its parts.
+        perceiving: Context, encoder and distance networks, each the parts of `stepping.Compiled`.
         acting: Gate, residual and decoder networks.
+        recogniser: That network.
     """
 
     member: Member
-    considered: IntArray
+    label: FloatArray
     phases: FloatArray
+    operators: FloatArray
+    radius: float
     residual_covariance: FloatArray
     places: IntArray
-    chains: StackedPriors
-    perceiving: tuple[Parts, Parts, Parts, Parts]
+    prior: PriorParts
+    perceiving: tuple[Parts, Parts, Parts]
     acting: tuple[Parts, Parts, Parts]
+    recogniser: Parts
 
     def init(self) -> MemberState:
         """Nothing seen yet."""
         context = self.member.networks.get("context")
         memory = context.first_memory() if context else np.zeros(0, dtype=np.float32)
         memory.flags.writeable = False
-        return MemberState(memory, read_only(np.zeros(self.chains[4].shape)))
+        return MemberState(memory, read_only(np.zeros(self.prior[4].shape)))
 
-    def observe(
-        self,
-        state: MemberState,
-        features: FloatArray,
-        label: FloatArray,
-        steps: int,
-        stride: int,
-        missed: int,
-    ) -> Observed:
-        """Encode one window and move the beliefs on.
+    def observe(self, state: MemberState, features: FloatArray, steps: int, stride: int, missed: int) -> Observed:
+        """Encode one window and move the belief on.
 
         Args:
             state: Before it.
             features: (W, D).
-            label: (P,) probability of each interaction so far.
             steps: How many of its frames are new to a context network that takes frames.
             stride: Between those.
-            missed: Steps of the chains that went by unseen; -1 at the very first.
+            missed: Steps of the chain that went by unseen; -1 at the very first.
 
         Returns:
             What was found; its score is NaN when a feature is not finite, and then nothing else holds.
         """
         member = self.member
         steps = steps if "frame" in member.inputs.get("context", ()) else 1
-        memories, given, timing = (state.context, state.memory), (features, label), (steps, stride, missed)
-        regions, restart = (member.centres, member.radii), member.priors[0].restart
-        found = observe_window(self.perceiving, self.chains, regions, self.places, memories, given, timing, restart)
+        memories, given, timing = (state.context, state.memory), (features, self.label), (steps, stride, missed)
+        regions, restart = (member.centres, member.radii, self.radius), member.priors[0].restart
+        found = observe_window(self.perceiving, self.prior, regions, self.places, memories, given, timing, restart)
         found[0].flags.writeable = found[1].flags.writeable = False
         return Observed(*found)
 
-    def generate(self, observed: Observed, label: FloatArray) -> Generated:
-        """Condition on what was observed, mix and decode.
+    def recognise(self, observed: Observed) -> FloatArray:
+        """(P,) logarithms of the interactions' probabilities, by the recogniser."""
+        return recognise_window(self.recogniser, observed.board)
 
-        Args:
-            observed: What `observe` found.
-            label: (P,) probability of each interaction, this window included.
-        """
+    def generate(self, observed: Observed) -> Generated:
+        """Condition on what was observed, mix and decode."""
         found = (observed.board, observed.weights, observed.means, observed.covariances)
         motion, covariance, weights, phase = generate_window(
-            self.acting, self.places, found, label, self.considered, self.member.operators, self.phases,
-            self.residual_covariance,
-        )  # fmt: skip
+            self.acting, self.places, found, self.operators, self.phases, self.residual_covariance
+        )
         motion.flags.writeable = covariance.flags.writeable = weights.flags.writeable = False
         return Generated(motion, covariance, weights, phase)
 
 
-def combined(generated: Sequence[Generated]) -> Generated:
-    """Means of the members' parts; the covariance also holds how far their windows disagree."""
+def combined(generated: Sequence[Generated], shares: FloatArray) -> Generated:
+    """Several answers as one, by their shares (n,); the covariance also holds how far their windows disagree."""
     if len(generated) == 1:
         return generated[0]
     motions = np.stack([part.motion for part in generated])
-    motion = motions.mean(axis=0)
-    apart = (motions - motion).reshape(-1, motion.shape[1])
-    covariance = np.mean([part.covariance for part in generated], axis=0) + apart.T @ apart / len(apart)
-    weights = np.mean([part.weights for part in generated], axis=0)
-    return Generated(motion, covariance, weights, sum(part.phase for part in generated) / len(generated))
+    motion = np.tensordot(shares, motions, 1)
+    apart = motions - motion
+    covariance = np.tensordot(shares, [part.covariance for part in generated], 1)
+    covariance += np.einsum("n,nwa,nwb->ab", shares, apart, apart) / len(motion)
+    weights = np.tensordot(shares, [part.weights for part in generated], 1)
+    return Generated(motion, covariance, weights, float(shares @ [part.phase for part in generated]))
 
 
-def make_ready(member: Member, considered: Sequence[int], residual_covariance: FloatArray) -> ReadyMember:
+@dataclass(frozen=True, eq=False)
+class Told:
+    """All members of a model, told the interaction.
+
+    Attributes:
+        members: One or more.
+    """
+
+    members: tuple[ReadyMember, ...]
+
+    def init(self) -> tuple[MemberState, ...]:
+        """Nothing seen yet."""
+        return tuple([member.init() for member in self.members])
+
+    def observe(
+        self, states: Sequence[MemberState], features: FloatArray, steps: int, stride: int, missed: int
+    ) -> tuple[Observed, ...]:
+        """What each finds; arguments as for `ReadyMember.observe`."""
+        both = zip(self.members, states, strict=True)
+        return tuple([member.observe(state, features, steps, stride, missed) for member, state in both])
+
+    def recognise(self, found: Sequence[Observed]) -> FloatArray:
+        """(P,) mean of their recognisers' logarithms of probabilities."""
+        said = [member.recognise(one) for member, one in zip(self.members, found, strict=True)]
+        mean: FloatArray = np.mean(said, axis=0)
+        return mean
+
+    def generate(self, found: Sequence[Observed]) -> Generated:
+        """What they expect together, each with an equal share."""
+        answers = [member.generate(one) for member, one in zip(self.members, found, strict=True)]
+        return combined(answers, np.full(len(answers), 1.0 / len(answers)))
+
+
+def make_ready(member: Member, interaction: int, residual_covariance: FloatArray) -> ReadyMember:
     """Lay a member out for the compiled step.
 
     Args:
         member: Which one.
-        considered: Numbers of the interactions that can be the one.
+        interaction: Number of the one that it is told.
         residual_covariance: (N, N) of the model.
     """
-    priors = [member.priors[p] for p in considered]
-    longest = max(prior.chain.longest for prior in priors)
-    chains = Chains(
-        np.stack([prior.components.mean for prior in priors]),
-        np.stack([prior.components.covariance for prior in priors]),
-        np.stack([prior.chain.initial for prior in priors]),
-        np.stack([prior.chain.transitions for prior in priors]),
-        np.stack([np.pad(p.chain.durations, ((0, 0), (0, longest - p.chain.longest))) for p in priors]),
-        member.latent_radius[list(considered)],
-    )
+    prior = member.priors[interaction]
     places = np.concatenate([[0], np.cumsum([member.sizes.get(name, 0) for name in BOARD])])
 
     def ready(name: str) -> Parts:
@@ -196,15 +216,21 @@ def make_ready(member: Member, considered: Sequence[int], residual_covariance: F
         intake = np.concatenate([np.arange(first, first + size) for first, size in starts])
         return network.program.copy(), network.parameters.copy(), intake
 
+    chain = prior.chain
+    parts = (prior.components.mean, prior.components.covariance, chain.initial, chain.transitions, chain.durations)
+    mean, covariance, initial, transitions, durations = (np.array(part, order="C") for part in parts)
     return ReadyMember(
         member,
-        np.array(considered),
-        np.stack([prior.phases for prior in member.priors]),
+        np.eye(len(member.priors))[interaction],
+        np.array(prior.phases),
+        np.array(member.operators[interaction]),
+        float(member.latent_radius[interaction]),
         residual_covariance,
         places,
-        (*chains,),
-        (ready("context"), ready("encoder"), ready("distance"), ready("recogniser")),
+        (mean, covariance, initial, transitions, durations),
+        (ready("context"), ready("encoder"), ready("distance")),
         (ready("gate"), ready("residual"), ready("decoder")),
+        ready("recogniser"),
     )
 
 

@@ -59,13 +59,15 @@ def gate_weights(belief: FloatArray, logits: Float32Array) -> FloatArray:
 
 
 @compiled
-def tell_apart(logits: Float32Array, log_probabilities: FloatArray) -> None:
-    """Fill `log_probabilities` (P,) from a recogniser's logits (P,)."""
+def tell_apart(logits: Float32Array) -> FloatArray:
+    """(P,) log-probabilities from a recogniser's logits (P,)."""
+    log_probabilities = np.empty(logits.shape[0])
     largest, total = logits.max(), 0.0
     for p in range(logits.shape[0]):
         total += np.exp(logits[p] - largest)
     for p in range(logits.shape[0]):
         log_probabilities[p] = logits[p] - largest - np.log(total)
+    return log_probabilities
 
 
 @compiled

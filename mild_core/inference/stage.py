@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Inference: a person's feature window in, the controlled agent's next motion window out.
 
-    encode -> update the belief -> recognise -> condition -> mix -> decode
+    encode -> update the belief -> condition -> mix -> decode, as if told each interaction -> recognise -> mix by that
 
 Every window ends in exactly one outcome: `accepted`, or what is wrong with it: `wrong_joints`, `wrong_shape`,
 `not_finite`, `duplicate`. Beside them, events are counted that may come with any accepted window: `time_reset` (its
@@ -21,7 +21,7 @@ from functools import cached_property
 import numpy as np
 
 from mild_core.errors import DataError, unknown_name
-from mild_core.inference.member import Generated, MemberState, ReadyMember, combined, make_ready
+from mild_core.inference.member import Generated, MemberState, Told, combined, make_ready
 from mild_core.inference.motion_model import MildModel
 from mild_core.inference.priors.filtering import UNDERFLOW
 from mild_core.inference.recognition import Recognition, given, recognise, undecided
@@ -36,6 +36,13 @@ AUTO = "auto"
 
 DECIDED = 0.5
 """Probability from which a recognised interaction is named."""
+
+NEGLIGIBLE = 1e-3
+"""Probability of an interaction below which what it would answer is not asked for."""
+
+
+_Found = tuple[tuple[Observed, ...], ...]
+"""What each member finds, by interaction that it is told."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,10 +66,16 @@ class Inference:
             raise unknown_name(f"interaction of model {self.model.manifest.name}", self.interaction, (AUTO, *names))
 
     @cached_property
-    def _members(self) -> tuple[ReadyMember, ...]:
+    def _told(self) -> tuple[Told, ...]:
+        """All members, told each interaction that may be the one."""
+        members, covariance = self.model.members, self.model.residual_covariance
+        return tuple(Told(tuple(make_ready(m, i, covariance) for m in members)) for i in self._considered)
+
+    @cached_property
+    def _considered(self) -> tuple[int, ...]:
+        """Numbers of the interactions that may be the one."""
         names = self.model.manifest.interactions
-        considered = range(len(names)) if self.interaction == AUTO else [names.index(self.interaction)]
-        return tuple(make_ready(m, considered, self.model.residual_covariance) for m in self.model.members)
+        return tuple(range(len(names))) if self.interaction == AUTO else (names.index(self.interaction),)
 
     @cached_property
     def _period_ns(self) -> int:
@@ -81,7 +94,7 @@ class Inference:
         names = self.model.manifest.interactions
         told = self.interaction != AUTO
         recognition = given(names.index(self.interaction), len(names)) if told else undecided(len(names))
-        copy = CopyState(-1, tuple(member.init() for member in self._members))
+        copy = CopyState(-1, tuple(told.init() for told in self._told))
         territory = self.model.territory
         strayed = read_only(np.zeros(0)) if territory is None else territory.init()
         return InferenceState(recognition, (copy,) * self.model.manifest.stride, strayed)
@@ -114,15 +127,16 @@ class Inference:
         except DataError as error:
             return state.refused(error), ()
         recognition = self._recognise(before.recognition, found, given, seen)
-        generated = [m.generate(one, recognition.probabilities) for m, one in zip(self._members, found, strict=True)]
+        generated = self._generate(found, recognition)
         strayed, strangeness = self._stray(before.strayed, given, found)
-        answer = self._beside(combined(generated), given, seen, recognition)
+        answer = self._beside(generated, given, seen, recognition)
         motion = self._motion(given, recognition, strangeness, answer)
         events = {**events, "accepted": 1, **({"unknown": 1} if strangeness > 1.0 else {})}
         if seen.rest is not None and is_waiting(seen.rest, self._rest_frames):
             seen = replace(before, rest=seen.rest)
         else:
-            copy = CopyState(index, tuple([MemberState(one.context, one.memory) for one in found]))
+            memories = [tuple([MemberState(one.context, one.memory) for one in told]) for told in found]
+            copy = CopyState(index, tuple(memories))
             copies = (*before.copies[:place], copy, *before.copies[place + 1 :])
             seen = replace(seen, recognition=recognition, copies=copies, index=index)
         counts = state.counted(events)
@@ -144,12 +158,10 @@ class Inference:
         before, index, _ = self._in_time(state, window)
         found = self._observe(before, index % len(before.copies), index, window)
         recognition = self._recognise(before.recognition, found, window, self._seen(before, index, window))
-        motions = []
-        for alone in np.eye(found[0].weights.shape[1]):
-            sure = [one._replace(weights=np.tile(alone, (len(one.weights), 1))) for one in found]
-            label = recognition.probabilities
-            generated = [m.generate(one, label) for m, one in zip(self._members, sure, strict=True)]
-            motions.append(self._motion(window, recognition, 0.0, combined(generated)))
+        motions, place = [], self._considered.index(recognition.likeliest)
+        for alone in np.eye(len(found[place][0].weights)):
+            sure = tuple([one._replace(weights=alone) for one in found[place]])
+            motions.append(self._motion(window, recognition, 0.0, self._told[place].generate(sure)))
         return tuple(motions)
 
     def _check(self, state: InferenceState, window: FeatureWindow) -> None:
@@ -212,45 +224,48 @@ class Inference:
             motion = model.start_pose.displaced(motion, seen.start, label)
         return replace(members, motion=motion, covariance=covariance)
 
-    def _observe(self, state: InferenceState, place: int, index: int, window: FeatureWindow) -> tuple[Observed, ...]:
-        """What each member finds. Raises DataError when a feature is not finite."""
+    def _observe(self, state: InferenceState, place: int, index: int, window: FeatureWindow) -> _Found:
+        """What each member finds, told each interaction. Raises DataError when a feature is not finite."""
         copy, stride = state.copies[place], len(state.copies)
         missed = (index - copy.index) // stride - 1 if copy.index >= 0 else -1
         whole = 1 + (len(window.features) - 1) // stride
         steps = min(missed + 1, whole) if copy.index >= 0 else whole
-        label, features = state.recognition.probabilities, window.features
+        features = window.features
         if not (features.flags.c_contiguous and features.flags.aligned):
             features = read_only(np.array(features, order="C"))  # Any other layout would be compiled for anew.
-        found = tuple(
-            [
-                member.observe(memory, features, label, steps, stride, missed)
-                for member, memory in zip(self._members, copy.members, strict=True)
-            ]
-        )
-        if math.isnan(found[0].score):
+        both = zip(self._told, copy.members, strict=True)
+        found = tuple([told.observe(own, features, steps, stride, missed) for told, own in both])
+        if math.isnan(found[0][0].score):
             raise DataError("not_finite", "a feature is NaN or infinite")
         return found
 
+    def _generate(self, found: _Found, recognition: Recognition) -> Generated:
+        """What is answered told each interaction, mixed by its probability; belief and phase of the likeliest."""
+        shares = recognition.probabilities[list(self._considered)]
+        asked = np.flatnonzero(shares > NEGLIGIBLE)
+        answers = [self._told[place].generate(found[place]) for place in asked]
+        likeliest = answers[int(shares[asked].argmax())]
+        mixed = combined(answers, shares[asked] / shares[asked].sum())
+        return replace(mixed, weights=likeliest.weights, phase=likeliest.phase)
+
     def _recognise(
-        self, before: Recognition, found: tuple[Observed, ...], window: FeatureWindow, seen: InferenceState
+        self, before: Recognition, found: _Found, window: FeatureWindow, seen: InferenceState
     ) -> Recognition:
         """A frame that no interaction can explain says nothing about which one it is."""
         if self.interaction != AUTO:
             return before
-        log_likelihoods = np.array([one.log_likelihoods for one in found])
+        log_likelihoods = np.array([[one.log_likelihood for one in told] for told in found])
         if log_likelihoods.max() <= UNDERFLOW:
             return before
-        told = log_likelihoods.mean(axis=0)
+        told = self._told[0].recognise(found[0]) if self.model.recognises else log_likelihoods.mean(axis=1)
         if self.model.reservoir is not None and seen.units is not None:
             by_motion = self.model.reservoir.tell_apart(seen.units, _positions(window))
             told = 0.5 * (told + by_motion) if self.model.recognises else by_motion
         return recognise(before, told, self.model.temper, self.model.forgetting)
 
-    def _stray(
-        self, strayed: FloatArray, window: FeatureWindow, found: tuple[Observed, ...]
-    ) -> tuple[FloatArray, float]:
+    def _stray(self, strayed: FloatArray, window: FeatureWindow, found: _Found) -> tuple[FloatArray, float]:
         """How far the person has strayed from each interaction, and the out-of-distribution score."""
-        strangeness = sum([seen.score for seen in found]) / len(found)
+        strangeness = min([sum([seen.score for seen in told]) / len(told) for told in found])
         if self.model.territory is None:
             return strayed, strangeness
         strayed = self.model.territory.follow(strayed, window.features)

@@ -19,11 +19,11 @@ class CopyState:
 
     Attributes:
         index: Number of the window that it saw last; -1 before the first.
-        members: One per member of the model.
+        members: By interaction that may be the one, one per member of the model.
     """
 
     index: int
-    members: tuple[MemberState, ...]
+    members: tuple[tuple[MemberState, ...], ...]
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One step of a member, compiled as two functions: observe a window, generate a motion.
+"""One step of a member that is told the interaction, compiled as two functions: observe a window, generate a motion.
 
-Between them the interaction is recognised, which needs all members. All values that networks take in lie on one board,
-an array in the order of `BOARD`; a network's intake is a list of places there.
+Between them the interaction is recognised, which needs all members told each of them. All values that networks take in
+lie on one board, an array in the order of `BOARD`; a network's intake is a list of places there.
 
 Source: Algorithm 2 of MILD.
 """
@@ -48,28 +48,8 @@ class Compiled(NamedTuple):
 Parts = tuple[IntArray, Float32Array, IntArray]
 """A `Compiled`, plain."""
 
-StackedPriors = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
-"""A `Chains`, plain."""
-
-
-class Chains(NamedTuple):
-    """The priors of the A interactions that are considered, stacked.
-
-    Attributes:
-        means: (A, K, Z).
-        covariances: (A, K, Z, Z).
-        initial: (A, K).
-        transitions: (A, K, K).
-        durations: (A, K, D).
-        radius: (A,) see `Member.latent_radius`.
-    """
-
-    means: FloatArray
-    covariances: FloatArray
-    initial: FloatArray
-    transitions: FloatArray
-    durations: FloatArray
-    radius: FloatArray
+PriorParts = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
+"""Of a prior: means (K, Z), covariances (K, Z, Z), initial (K,), transitions (K, K), durations (K, D)."""
 
 
 class Observed(NamedTuple):
@@ -77,12 +57,12 @@ class Observed(NamedTuple):
 
     Attributes:
         context: New memory of the context network.
-        memory: (A, K, D) new memory of the chains.
+        memory: (K, D) new memory of the chain.
         board: With everything up to the observed latent.
-        weights: (A, K) belief over components.
-        log_likelihoods: (A,) of this frame given those before, or the recogniser's log-probabilities.
-        means: (A, K, C) what each component expects of the controlled latent.
-        covariances: (A, K, C, C).
+        weights: (K,) belief over components.
+        log_likelihood: Of this frame given those before.
+        means: (K, C) what each component expects of the controlled latent.
+        covariances: (K, C, C).
         score: Out of distribution; NaN when a feature is not finite, and then nothing else holds.
     """
 
@@ -90,7 +70,7 @@ class Observed(NamedTuple):
     memory: FloatArray
     board: Float32Array
     weights: FloatArray
-    log_likelihoods: FloatArray
+    log_likelihood: float
     means: FloatArray
     covariances: FloatArray
     score: float
@@ -136,114 +116,85 @@ def lay_out(features: FloatArray, label: FloatArray, places: IntArray) -> tuple[
 
 
 @compiled
-def follow_chains(
-    priors: StackedPriors,
+def follow_chain(
+    prior: PriorParts,
     latent: tuple[FloatArray, FloatArray],
     missed: int,
     restart: float,
     memory: FloatArray,
-    found: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
-) -> float:
-    """Move the beliefs of all interactions on by one observed latent, its mean (Q,) and covariance (Q, Q).
+    found: tuple[FloatArray, FloatArray, FloatArray],
+) -> tuple[float, float]:
+    """Move the belief on by one observed latent, its mean (Q,) and covariance (Q, Q).
 
-    Fills `found`: weights, log-likelihoods, means and covariances of `Observed`, and changes `memory` in place.
+    Fills `found`: weights, means and covariances of `Observed`, and changes `memory` in place.
 
     Returns:
-        The out-of-distribution score of the latent.
+        The log-likelihood, and the latent's Mahalanobis distance from the nearest component.
     """
-    chains = Chains(priors[0], priors[1], priors[2], priors[3], priors[4], priors[5])
-    weights, log_likelihoods, means, covariances = found
-    passed, components = max(missed, 0), weights.shape[1]
+    weights, means, covariances = found
+    passed, components = max(missed, 0), weights.shape[0]
     shape = (passed + 1, components)
     emissions, chances, steps = np.zeros(shape), np.empty(shape), np.empty(passed + 1)
     events, distances = (np.empty(shape), np.empty(shape), np.empty(shape)), np.empty(components)
-    score, known = np.inf, False
-    for a in range(weights.shape[0]):
-        gaussians = (chains.means[a], chains.covariances[a])
-        observe_frame(gaussians, latent, emissions[passed], distances, means[a], covariances[a])
-        chain = (chains.initial[a], chains.transitions[a], chains.durations[a])
-        filter_frames(emissions, memory[a], missed < 0, chain, restart, UNDERFLOW, chances, steps, events)
-        log_likelihoods[a] = steps[passed]
-        known = known or log_likelihoods[a] > UNDERFLOW
-        for j in range(components):
-            weights[a, j] = chances[passed, j]
-            score = min(score, distances[j] / chains.radius[a])
-    return score if known else max(score, NEVER_SEEN)
+    observe_frame((prior[0], prior[1]), latent, emissions[passed], distances, means, covariances)
+    chain = (prior[2], prior[3], prior[4])
+    filter_frames(emissions, memory, missed < 0, chain, restart, UNDERFLOW, chances, steps, events)
+    weights[:] = chances[passed]
+    return steps[passed], distances.min()
 
 
 @compiled
 def observe_window(
-    networks: tuple[Parts, Parts, Parts, Parts],
-    priors: StackedPriors,
-    regions: tuple[FloatArray, FloatArray],
+    networks: tuple[Parts, Parts, Parts],
+    prior: PriorParts,
+    regions: tuple[FloatArray, FloatArray, float],
     places: IntArray,
     state: tuple[Float32Array, FloatArray],
     given: tuple[FloatArray, FloatArray],
     timing: tuple[int, int, int],
     restart: float,
-) -> tuple[Float32Array, FloatArray, Float32Array, FloatArray, FloatArray, FloatArray, FloatArray, float]:
-    """Encode one window and move the beliefs on: the parts of `Observed`.
+) -> tuple[Float32Array, FloatArray, Float32Array, FloatArray, float, FloatArray, FloatArray, float]:
+    """Encode one window and move the belief on: the parts of `Observed`.
 
     Args:
-        networks: Context, encoder, distance, recogniser.
-        priors: The parts of `Chains`.
-        regions: Centres (M, F) and radii (M,) of the distance network's outputs.
+        networks: Context, encoder, distance.
+        prior: Of the interaction.
+        regions: Centres (M, F) and radii (M,) of the distance network's outputs, and the latent's radius.
         places: Where each of `BOARD` begins, and the length of the board.
-        state: Memory of the context network and of the chains, left unchanged.
-        given: Features (W, D) and the probabilities of all P interactions so far.
-        timing: Frames for the context network to take in and the stride between them; steps of the chains that went
+        state: Memory of the context network and of the chain, left unchanged.
+        given: Features (W, D) and the label (P,).
+        timing: Frames for the context network to take in and the stride between them; steps of the chain that went
             by unseen, -1 at the very first.
         restart: See `filter_frames`.
     """
     features, label = given
     context, memory = state[0].copy(), state[1].copy()
-    considered, components, total = priors[0].shape
+    components, total = prior[0].shape
     size = places[BELIEF] - places[OBSERVED]
-    weights, log_likelihoods = np.empty((considered, components)), np.empty(considered)
-    means = np.empty((considered, components, total - size))
-    covariances = np.empty((considered, components, total - size, total - size))
+    weights, means = np.empty(components), np.empty((components, total - size))
+    covariances = np.empty((components, total - size, total - size))
     board, finite = lay_out(features, label, places)
     if not finite:
-        return context, memory, board, weights, log_likelihoods, means, covariances, np.nan
+        return context, memory, board, weights, np.nan, means, covariances, np.nan
     run_context(networks[0], features, timing[0], timing[1], places, board, context)
     nothing = np.empty(0, dtype=np.float32)
     latent, widening = posterior(run_network(networks[1], board, nothing), size)
     for q in range(size):
         board[places[OBSERVED] + q] = latent[q]
-    found = (weights, log_likelihoods, means, covariances)
-    score = follow_chains(priors, (latent, widening), timing[2], restart, memory, found)
+    found = (weights, means, covariances)
+    log_likelihood, distance = follow_chain(prior, (latent, widening), timing[2], restart, memory, found)
+    score = distance / regions[2]
+    if not log_likelihood > UNDERFLOW:
+        score = max(score, NEVER_SEEN)
     if networks[2][0].shape[0] > 0:
         score = max(score, nearest(run_network(networks[2], board, nothing), regions[0], regions[1]))
-    if networks[3][0].shape[0] > 0 and considered == label.shape[0] and log_likelihoods.max() > UNDERFLOW:
-        tell_apart(run_network(networks[3], board, nothing), log_likelihoods)
-    return context, memory, board, weights, log_likelihoods, means, covariances, score
+    return context, memory, board, weights, log_likelihood, means, covariances, score
 
 
 @compiled
-def mix_latent(
-    gate: Parts, places: IntArray, board: Float32Array, label: FloatArray, considered: IntArray,
-    beliefs: FloatArray, means: FloatArray,
-) -> tuple[FloatArray, FloatArray, int]:  # fmt: skip
-    """Weigh the components by belief, gate and interaction.
-
-    Returns:
-        The mixed latent (C,), the gated beliefs (A, K), and which of the A is the likeliest interaction.
-    """
-    nothing = np.empty(0, dtype=np.float32)
-    gated = beliefs.copy()
-    latent, likeliest = np.zeros(means.shape[2]), 0
-    for a in range(considered.shape[0]):
-        if gate[0].shape[0] > 0:
-            for j in range(beliefs.shape[1]):
-                board[places[BELIEF] + j] = beliefs[a, j]
-            gated[a] = gate_weights(beliefs[a], run_network(gate, board, nothing))
-        share = label[considered[a]]
-        if share > label[considered[likeliest]]:
-            likeliest = a
-        for j in range(gated.shape[1]):
-            for c in range(latent.shape[0]):
-                latent[c] += share * gated[a, j] * means[a, j, c]
-    return latent, gated, likeliest
+def recognise_window(network: Parts, board: Float32Array) -> FloatArray:
+    """(P,) logarithms of the interactions' probabilities, by a recogniser."""
+    return tell_apart(run_network(network, board, np.empty(0, dtype=np.float32)))
 
 
 @compiled
@@ -251,8 +202,6 @@ def generate_window(
     networks: tuple[Parts, Parts, Parts],
     places: IntArray,
     observed: tuple[Float32Array, FloatArray, FloatArray, FloatArray],
-    label: FloatArray,
-    considered: IntArray,
     operators: FloatArray,
     phases: FloatArray,
     residual_covariance: FloatArray,
@@ -263,37 +212,34 @@ def generate_window(
         networks: Gate, residual, decoder.
         places: As for `observe_window`.
         observed: Board, weights, means and covariances of `Observed`.
-        label: (P,) probability of each interaction, this window included.
-        considered: (A,) numbers of the interactions in `observed`.
-        operators: (P, K, N N, C C) see `add_spread`.
-        phases: (P, K) mean time of each component.
+        operators: (K, N N, C C) see `add_spread`.
+        phases: (K,) mean time of each component.
         residual_covariance: (N, N) added to the covariance.
 
     Returns:
         The decoded window (W, N), covariance (N, N) of a frame's values averaged over it, the belief (K,) over the
-        components of the likeliest interaction, after the gate, and the phase by that belief.
+        components after the gate, and the phase by that belief.
     """
-    board, beliefs, means, covariances = observed[0].copy(), observed[1], observed[2], observed[3]
-    nothing = np.empty(0, dtype=np.float32)
-    for p in range(label.shape[0]):
-        board[places[LABEL] + p] = label[p]
-    latent, gated, likeliest = mix_latent(networks[0], places, board, label, considered, beliefs, means)
+    board, belief, means, covariances = observed[0].copy(), observed[1], observed[2], observed[3]
+    nothing, begin = np.empty(0, dtype=np.float32), places[BELIEF]
+    if networks[0][0].shape[0] > 0:
+        board[begin : begin + belief.size] = belief
+        belief = gate_weights(belief, run_network(networks[0], board, nothing))
+    latent, phase = np.zeros(means.shape[1]), 0.0
+    for j in range(belief.shape[0]):
+        phase += belief[j] * phases[j]
+        for c in range(latent.shape[0]):
+            latent[c] += belief[j] * means[j, c]
     covariance = residual_covariance.copy()
-    for a in range(considered.shape[0]):
-        spread = (means[a], covariances[a])
-        add_spread(label[considered[a]] * gated[a], spread, latent, operators[considered[a]], covariance)
+    add_spread(belief, (means, covariances), latent, operators, covariance)
     if networks[1][0].shape[0] > 0:
         shift = run_network(networks[1], board, nothing)
         for c in range(latent.shape[0]):
             latent[c] += shift[c]
-    phase = 0.0
-    for j in range(gated.shape[1]):
-        board[places[BELIEF] + j] = gated[likeliest, j]
-        phase += gated[likeliest, j] * phases[considered[likeliest], j]
-    for c in range(latent.shape[0]):
-        board[places[CONTROLLED] + c] = latent[c]
+    board[begin : begin + belief.size] = belief
+    board[places[CONTROLLED] : places[CONTROLLED] + latent.size] = latent
     decoded, size = run_network(networks[2], board, nothing), covariance.shape[0]
     motion = np.empty((decoded.shape[0] // size, size))
     for i in range(decoded.shape[0]):
         motion[i // size, i % size] = decoded[i]
-    return motion, covariance, gated[likeliest].copy(), phase
+    return motion, covariance, belief.copy(), phase

@@ -43,16 +43,16 @@ def latent_track(model: MildModel, demonstration: Demonstration, protocol: Proto
     """
     manifest = model.manifest
     number = manifest.interactions.index(demonstration.interaction)
-    ready = make_ready(model.members[member], [number], model.residual_covariance)
-    label, stride = np.eye(len(manifest.interactions))[number], manifest.stride
+    ready = make_ready(model.members[member], number, model.residual_covariance)
+    stride = manifest.stride
     states, rows = [ready.init()] * stride, []
     place = int(ready.places[BOARD.index("observed")])
     for index, features in enumerate(cut(demonstration, protocol).observed):
         copy = index % stride
         steps, missed = (1, 0) if index >= stride else (1 + (len(features) - 1) // stride, -1)
-        seen = ready.observe(states[copy], read_only(features), label, steps, stride, missed)
+        seen = ready.observe(states[copy], read_only(features), steps, stride, missed)
         states[copy] = MemberState(seen.context, seen.memory)
         latent = seen.board[place : place + manifest.latent_size].astype(np.float64)
-        rows.append((latent, seen.weights[0] @ seen.means[0], seen.weights[0]))
+        rows.append((latent, seen.weights @ seen.means, seen.weights))
     observed, controlled, beliefs = (np.array(part) for part in zip(*rows, strict=True))
     return LatentTrack(demonstration.interaction, observed, controlled, beliefs)

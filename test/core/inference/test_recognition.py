@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recognition as a small filter over interactions."""
+"""Recognition as a small filter over interactions, and what is answered by it."""
 
 from __future__ import annotations
 
@@ -7,6 +7,9 @@ import numpy as np
 import pytest
 
 from mild_core.inference.recognition import CLOSEST_CALL, given, recognise, undecided
+from mild_core.inference.stage import NEGLIGIBLE, Inference
+from test.core.inference.random_model import INTERACTIONS
+from test.core.inference.test_stage import CLOSE, run, windows
 
 
 def test_one_frame_weighs_by_its_tempered_likelihood():
@@ -39,3 +42,26 @@ def test_what_is_given_is_certain():
     told = given(2, 4)
     np.testing.assert_array_equal(told.probabilities, [0, 0, 1, 0])
     assert (told.likeliest, told.probability) == (2, 1.0)
+
+
+def test_not_told_it_answers_what_it_would_told_each_interaction_mixed_by_probability(full_model):
+    told = [run(Inference(full_model, name), windows(30))[1] for name in INTERACTIONS]
+    stage = Inference(full_model)
+    state, unsure = stage.init(), 0
+    for index, window in enumerate(windows(30)):
+        state, (answer,) = stage.step(state, window, 0)
+        shares = state.recognition.probabilities
+        unsure += shares.max() < 0.9
+        assert shares.min() > NEGLIGIBLE
+        motions = np.array([answers[index].positions for answers in told])
+        mixed = np.tensordot(shares, motions, 1)
+        np.testing.assert_allclose(answer.positions, mixed, atol=CLOSE)
+        apart = motions - mixed
+        within = np.tensordot(shares, [answers[index].covariance for answers in told], 1)
+        between = np.einsum("n,nwa,nwb->ab", shares, apart, apart) / len(mixed)
+        np.testing.assert_allclose(answer.covariance, within + between, atol=CLOSE)
+        likeliest = told[int(shares.argmax())][index]
+        np.testing.assert_array_equal(answer.belief, likeliest.belief)
+        assert answer.phase == likeliest.phase
+        assert answer.out_of_distribution == min(answers[index].out_of_distribution for answers in told)
+    assert unsure > 10

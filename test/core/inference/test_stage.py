@@ -148,9 +148,9 @@ def test_a_context_of_frames_runs_over_the_first_window_and_then_frame_by_frame(
     memory = network.first_memory()
     for row in [*stream[0].features, *(window.features[-1] for window in stream[1:])]:
         _, memory = network.run(row.astype(np.float32), memory)
-    np.testing.assert_array_equal(state.copies[0].members[0].context, memory)
+    np.testing.assert_array_equal(state.copies[0].members[0][0].context, memory)
     skipped, _ = run(Inference(model, "rocket"), [stream[0], *stream[5:]])
-    np.testing.assert_array_equal(skipped.copies[0].members[0].context, memory)
+    np.testing.assert_array_equal(skipped.copies[0].members[0][0].context, memory)
     assert skipped.counts == {"accepted": 8, "missed": 4}
 
 
@@ -163,7 +163,7 @@ def test_the_same_windows_give_the_same_bits_and_states_are_values(full_model):
             np.testing.assert_array_equal(getattr(one, part.name), getattr(other, part.name))
     assert first[0].counts == second[0].counts
     with pytest.raises(ValueError, match="read-only"):
-        first[0].copies[0].members[0].memory[0] = 1.0
+        first[0].copies[0].members[0][0].memory[0] = 1.0
 
 
 def test_the_layout_of_a_window_in_memory_changes_nothing(paper_model):
