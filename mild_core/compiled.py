@@ -55,7 +55,7 @@ def _cache_folder() -> Path | None:
     digest = hashlib.sha256()
     for path in sorted(Path(__file__).parent.rglob("*.py")):
         content = path.read_bytes()
-        digest.update(content if b"@compiled" in content else b"")
+        digest.update(content if b"@compiled" in content or b"numba" in content else b"")
     given, here = os.environ.get("NUMBA_CACHE_DIR"), Path(__file__).parent / "__pycache__"
     users = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "mild_ros"
     for parent in [Path(given)] if given else [here, users]:

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mild_core.inference.priors.filtering import UNDERFLOW, filter_frames
-from mild_core.inference.priors.smoothing import MARGIN, below_largest, expect_demonstrations
+from mild_core.inference.priors.lanes import LANES
+from mild_core.inference.priors.smoothing import below_largest, expect_demonstrations
 from mild_core.shapes import FloatArray, read_only, require_shape
 
 
@@ -102,17 +103,18 @@ def expect(chain: Chain, log_emissions: FloatArray, lengths: Sequence[int]) -> C
     Source: METHOD section 2, explicit-duration forward pass; Yu (2010), section 2.2.
     """
     require_shape("log_emissions", log_emissions, (sum(lengths), chain.components))
-    densities, largest = np.empty_like(log_emissions), np.empty(len(log_emissions))
-    below_largest(log_emissions, largest, densities)
-    np.exp(densities, out=densities)
-    margins = ((0, 0), (MARGIN, MARGIN))
-    ending, lasting = (np.pad(a, margins) for a in (chain.durations[:, ::-1], chain.durations[:, ::-1].cumsum(axis=1)))
-    parts = (chain.initial, chain.transitions, lasting, ending)
-    initial, transitions, lasts = (np.zeros(array.shape) for array in (chain.initial, chain.transitions, ending))
-    responsibilities = np.empty_like(log_emissions)
-    frames, counted = (log_emissions, largest, densities), (initial, transitions, lasts)
-    log_likelihood = expect_demonstrations(frames, np.array(lengths, np.int64), parts, responsibilities, counted)
-    counts = ChainCounts(initial, transitions * chain.transitions, lasts[:, MARGIN:-MARGIN] * chain.durations)
+    responsibilities, largest = np.empty_like(log_emissions), np.empty(len(log_emissions))
+    below_largest(log_emissions, largest, responsibilities)
+    np.exp(responsibilities, out=responsibilities)  # the densities, until they are replaced
+    sizes = np.array(lengths, np.int64)
+    order = np.argsort(-sizes, kind="stable")[: np.count_nonzero(sizes)]
+    demonstrations = np.stack([np.cumsum(sizes) - sizes, sizes], axis=1)[order]
+    initial, transitions, durations = chain.initial, chain.transitions, chain.durations
+    parts = (initial, transitions, durations, durations[:, ::-1].cumsum(axis=1)[:, ::-1].copy())
+    starting, changes, lasts = np.zeros(initial.shape), *(np.zeros((*a.shape, LANES)) for a in (transitions, durations))
+    counted = (starting, changes, lasts)
+    log_likelihood = expect_demonstrations((log_emissions, largest), demonstrations, parts, responsibilities, counted)
+    counts = ChainCounts(starting, changes.sum(axis=2) * transitions, lasts.sum(axis=2) * durations)
     return ChainExpectation(responsibilities, counts, log_likelihood)
 
 

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Forward and backward over a demonstration, compiled: the expectation step of EM, which sees all frames at once.
+"""Forward and backward over demonstrations, compiled: the expectation step of EM, which sees all frames at once.
 
 The filter's memory of (component j, remaining time r) moves by one place a frame. Here nothing moves: what is kept of a
 component is one value for each frame, where its segments started (forward) or may end (backward), and what a frame
-needs is the product of a stretch of them with the durations. What a frame multiplies all of them by is not carried out
-but owed to them, until that is so large or small that it has to be. Of the stretch, the far end is left out for good
-once it no longer counts: where components lie apart, a few frames remain of D. Sums are taken in whatever order is
-fastest: this is for learning alone.
+needs is the product of a stretch of them with the durations (`stretches`).
+
+Eight demonstrations of about the same length are gone through side by side, each in a lane of its own; arrays have the
+lanes last. Until the longest has ended the others go on: forward with their last frame again and again, of which
+nothing is kept, and backward as if nothing were seen and nothing ended.
 
 Source: METHOD section 2; S.-Z. Yu, "Hidden semi-Markov models", Artificial Intelligence 174 (2010).
 """
@@ -16,217 +17,179 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mild_core.compiled import compiled, compiled_in_any_order
+from mild_core.compiled import compiled
 from mild_core.inference.priors.filtering import UNREACHABLE, weigh_frame
+from mild_core.inference.priors.lanes import LANES, any_above, load, repeat, store, where_above
+from mild_core.inference.priors.stretches import BLOCK, CEILING, forget, settle, weigh, weigh_both
 from mild_core.shapes import FloatArray
 
 NEGLIGIBLE = 1e-20
 """An expected number of segments that changes no sum of theirs."""
 
-CEILING = 1e200
-"""Bound of the backward values. Only states of no forward mass come near it; beyond it they would turn into NaN."""
+Parameters = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+"""Of a chain: start probabilities (K,), transitions (K, K), and (K, D) that of each duration and of it or a longer."""
 
-LEAST_OWED, MOST_OWED = 1e-100, 1e50
-"""A row may be owed a factor between these. Beyond, values would leave what a double can hold."""
+Events = tuple[FloatArray, FloatArray, FloatArray]
+"""(T, K, lanes), as of `filter_frames`."""
 
-VANISHED = 1e-290
-"""Smaller values are zero: there arithmetic takes a hundred times as long, and nothing depends on them."""
-
-FORGOTTEN = 1e-180
-"""Share of a row's sum below which its earliest starts, or latest ends, are left out from then on.
-
-They share all other frames with the rest of the row and differ in the remaining time alone: those frames would have to
-be this much likelier after the one remaining time than after the other to bring them back.
-"""
-
-BLOCK = 16
-"""Frames are looked through, and left out, by so many: loops of few lengths are faster than shorter ones of any."""
-
-MARGIN = 2 * BLOCK
-"""Zeros on either side of the durations, for the frames of the outermost blocks that are out of their reach."""
-
-
-@compiled_in_any_order
-def settle(rows: FloatArray, j: int, first: int, stop: int, owed: float, factor: float) -> float:
-    """Owe row `j` one more factor from place `first` to `stop`, or multiply it by both if that is too much.
-
-    Returns:
-        What it is owed now.
-    """
-    if LEAST_OWED < owed * factor < MOST_OWED:
-        return owed * factor
-    # What would vanish does so before it is multiplied: the product is what takes long.
-    least = VANISHED / max(owed * factor, VANISHED)
-    at = np.uint64(first)  # here and below: no sign to look at for each value, and no view that has to be counted
-    for r in range(np.uint64(stop - first)):
-        value = rows[j, at + r] if rows[j, at + r] > least else 0.0
-        rows[j, at + r] = min(min(value * owed, CEILING) * factor, CEILING)
-    return 1.0
+Demonstrations = NDArray[np.int64]
+"""Two columns: the first frame of each, and its number of frames."""
 
 
 @compiled
-def largest_of_block(rows: FloatArray, j: int, first: int) -> float:
-    """The largest value of row `j` in the block from place `first`."""
-    largest = 0.0
-    for s in range(first, first + BLOCK):
-        largest = max(largest, rows[j, s])
-    return largest
-
-
-@compiled_in_any_order
-def weigh_starts(
-    starts: FloatArray, lasting: FloatArray, ending: FloatArray, j: int, first: int, stop: int, part: int
-) -> tuple[float, float]:
-    """How many segments of component `j` that started from `first` to `stop` last, and how many end.
-
-    `part` is the place of `first` in `lasting` and `ending`.
-    """
-    at, where, last, end = np.uint64(first), np.uint64(part), 0.0, 0.0
-    for r in range(np.uint64(stop - first)):
-        last += starts[j, at + r] * lasting[j, where + r]
-        end += starts[j, at + r] * ending[j, where + r]
-    return last, end
-
-
-@compiled_in_any_order
-def forward_frames(
+def reach_frames(
     log_emissions: FloatArray,
     largest: FloatArray,
-    chain: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
-    events: tuple[FloatArray, FloatArray, FloatArray],
-) -> float:
+    lanes: Demonstrations,
+    t: int,
+    mass: FloatArray,
+    emissions: FloatArray,
+    totals: FloatArray,
+) -> None:
+    """Weigh frame `t` anew where what explains it best cannot be behind it, and hides what can."""
+    for lane in range(LANES):
+        if totals[lane] < UNREACHABLE:
+            n = lanes[lane, 0] + min(t, lanes[lane, 1] - 1)
+            logarithm, totals[lane] = weigh_frame(log_emissions[n], mass[:, lane], emissions[:, lane])
+            if t < lanes[lane, 1]:
+                largest[n] = logarithm
+
+
+@compiled
+def forward_frames(
+    frames: tuple[FloatArray, FloatArray],
+    lanes: Demonstrations,
+    chain: Parameters,
+    rows: FloatArray,
+    events: Events,
+    totals: FloatArray,
+) -> None:
     """`filtering.filter_frames` from the start, by the way of this module.
 
     Args:
-        log_emissions: (T, K).
-        largest: (T,) the largest of each frame.
-        chain: Start probabilities (K,), transitions (K, K), and from the longest duration to the shortest the
-            probability of it or a longer one and of itself, both within their margins (K, D + 2 MARGIN).
-        events: As of `filter_frames`, filled; the third comes with the exponentials of `log_emissions` less `largest`.
-
-    Returns:
-        The log-likelihood of the frames.
+        frames: Log-densities (N, K) and the largest of each frame (N,), corrected to the largest reachable one.
+        lanes: What each goes through.
+        chain: The current estimate.
+        rows: (K, T or more, lanes) of zeros, changed.
+        events: Filled; the third comes with the densities divided by the largest.
+        totals: (T, lanes) filled with the likelihood of each frame given those before, divided by the largest density.
     """
-    initial, transitions, lasting, ending = chain
+    initial, transitions, durations, lasting = chain
     entering, leaving, emissions = events
-    (frames, components), newest = log_emissions.shape, ending.shape[1] - MARGIN - 1
-    starts, owed, earliest = np.zeros((components, frames + BLOCK)), np.ones(components), np.zeros(components, np.int64)
-    enters, mass, ends, log_likelihood = initial.copy(), np.empty(components), np.empty(components), 0.0
-    for t in range(frames):
-        total, logarithm, here = 0.0, largest[t], t - t % BLOCK
+    (count, components, _), longest = emissions.shape, durations.shape[1]
+    stops, owed = np.full(components, count), np.ones((components, LANES))
+    mass, enters = np.empty((components, LANES)), np.empty((components, LANES))
+    for j in range(components):
+        store(enters, (j,), initial[j])
+    for t in range(count):
+        total, place = repeat(0.0), count - 1 - t
         for j in range(components):
-            entering[t, j], start, first = enters[j], enters[j] / owed[j], earliest[j]
-            last, end = weigh_starts(starts, lasting, ending, j, first, here + BLOCK, newest - t + first)
-            # The newest start is counted apart: what was only just written has to be waited for.
-            last, end, starts[j, t] = last + start * lasting[j, newest], end + start * ending[j, newest], start
-            mass[j], ends[j] = last * owed[j], end * owed[j]
-            total += mass[j] * emissions[t, j]
-            if t == here:
-                least, reach = FORGOTTEN * last, t - newest + MARGIN
-                while first < t and (first + BLOCK <= reach or largest_of_block(starts, j, first) < least):
-                    first += BLOCK
-                earliest[j] = first
-        if total < UNREACHABLE:  # what explains the frame best cannot be behind it, and hides what can
-            logarithm, total = weigh_frame(log_emissions[t], mass, emissions[t])
-        log_likelihood += logarithm + np.log(total)
-        enters[:] = 0.0
-        for i in range(components):
-            emissions[t, i] /= total
-            leaving[t, i] = ends[i] * emissions[t, i]
-            owed[i] = settle(starts, i, earliest[i], t + 1, owed[i], emissions[t, i])
-            for j in range(components):
-                enters[j] += leaving[t, i] * transitions[i, j]
-    return log_likelihood
-
-
-@compiled_in_any_order
-def explain_rest(durations: FloatArray, ahead: FloatArray, j: int, first: int, stop: int, part: int) -> float:
-    """Likelihood of this frame and all after it, given that a segment of component `j` starts here, but for the owed.
-
-    `ahead` is that likelihood by the segment's last frame, from `first` to `stop`; `part` is the place of `first` in
-    `durations`.
-    """
-    at, where, total = np.uint64(first), np.uint64(part), 0.0
-    for r in range(np.uint64(stop - first)):
-        total += durations[j, where + r] * ahead[j, at + r]
-    return total
-
-
-@compiled_in_any_order
-def add_stretch(
-    sums: FloatArray, j: int, place: int, share: float, values: FloatArray, row: int, first: int, stop: int
-) -> None:
-    """Add `share` times the values of `row` from `first` to `stop` to row `j` of `sums`, from `place` on."""
-    at, where = np.uint64(first), np.uint64(place)
-    for r in range(np.uint64(stop - first)):
-        sums[j, where + r] += share * values[row, at + r]
-
-
-@compiled_in_any_order
-def backward_frames(
-    chain: tuple[FloatArray, FloatArray],
-    forward: tuple[FloatArray, FloatArray, FloatArray],
-    ends: FloatArray,
-    rest: FloatArray,
-    counts: tuple[FloatArray, FloatArray],
-) -> None:
-    """The backward pass over one demonstration, and its expected events.
-
-    Args:
-        chain: Transitions (K, K), from column to row, and durations (K, D + 2 MARGIN) within their margins.
-        forward: The events of `forward_frames`.
-        ends: (T, K) filled with the probability that a segment ends with a frame, given all frames.
-        rest: (T, K) filled with the likelihood of a frame and all after it, given that a segment starts there.
-        counts: Get what is expected added, each divided by its probability in the chain: segments that follow one
-            another, (K, K) from row to column, and that start here by their durations, (K, D + 2 MARGIN).
-    """
-    transitions, durations = chain
-    entering, leaving, emissions = forward
-    changes, lasts = counts
-    (frames, components), longest = emissions.shape, durations.shape[1] - 2 * MARGIN
-    ahead, owed, after = np.zeros((components, frames + longest + BLOCK)), np.ones(components), np.ones(components)
-    ahead[:, frames:] = 1.0  # the last segment of all may go on unseen
-    followed, latest = np.zeros(components), np.full(components, (frames + longest + BLOCK - 1) // BLOCK * BLOCK)
-    for back in range(frames):
-        t = frames - 1 - back
-        here = t - t % BLOCK
+            share, start, stop = load(owed, (j,)), load(enters, (j,)), min(stops[j], place + longest)
+            store(entering, (t, j), start)
+            store(rows, (j, place), start / share)
+            last, end = weigh_both(rows, j, place, stop, lasting, durations)
+            stops[j] = forget(rows, j, place, stop, last) if t % BLOCK == 0 else stop
+            store(mass, (j,), last * share)
+            store(leaving, (t, j), end * share)
+            total += last * share * load(emissions, (t, j))
+        store(totals, (t,), total)
+        if any_above(UNREACHABLE, total):
+            reach_frames(frames[0], frames[1], lanes, t, mass, emissions[t], totals[t])
+        scale = 1.0 / load(totals, (t,))
         for j in range(components):
-            after[j], last = min(after[j], CEILING), latest[j]
-            ends[t, j] = leaving[t, j] * after[j]
-            # Most frames end no segment, and start none. What is left out is below the rounding of what is counted.
-            if back > 0 and ends[t, j] > NEGLIGIBLE * followed[j]:
-                followed[j] += ends[t, j]
-                add_stretch(changes, j, 0, leaving[t, j], rest, t + 1, 0, components)
-            owed[j] = settle(ahead, j, t + 1, last, owed[j], emissions[t, j])
-            now = min(after[j] * emissions[t, j], CEILING) / owed[j]
-            total = explain_rest(durations, ahead, j, here, last, MARGIN + here - t) + durations[j, MARGIN] * now
-            ahead[j, t], share, rest[t, j] = now, entering[t, j] * owed[j], min(owed[j] * total, CEILING)
-            if share * total > NEGLIGIBLE:
-                add_stretch(lasts, j, MARGIN, share, ahead, j, t, last)
-            if t == here:
-                while last > t + BLOCK and (
-                    last - BLOCK >= t + longest or largest_of_block(ahead, j, last - BLOCK) < FORGOTTEN * total
-                ):
-                    last -= BLOCK
-                latest[j] = last
-        after[:] = 0.0
+            factor = load(emissions, (t, j)) * scale
+            store(emissions, (t, j), factor)
+            store(leaving, (t, j), load(leaving, (t, j)) * factor)
+            settle(rows, j, place, stops[j], owed, factor)
         for j in range(components):
+            start = repeat(0.0)
             for i in range(components):
-                after[i] += transitions[j, i] * rest[t, j]
+                start += load(leaving, (t, i)) * transitions[i, j]
+            store(enters, (j,), start)
 
 
 @compiled
-def occupy_components(entering: FloatArray, rest: FloatArray, ends: FloatArray, responsibilities: FloatArray) -> None:
-    """Fill `responsibilities` (T, K): the starts so far, `entering` times `rest`, less the ends before.
+def backward_frames(
+    bounds: FloatArray, chain: Parameters, rows: FloatArray, events: Events, counts: tuple[FloatArray, FloatArray]
+) -> None:
+    """The backward pass, and the expected events.
 
-    This spares keeping all T * K * D forward values.
+    Args:
+        bounds: (2, lanes) frames of each lane, and how many of them are counted: all, or none.
+        chain: The current estimate.
+        rows: (K, T + D or more, lanes) of ones, changed: the last segment of all may go on unseen.
+        events: Of `forward_frames`. The first two are replaced by the probabilities that a segment starts with a frame
+            and that one ends with it, given all frames.
+        counts: Get what is expected added, each divided by its probability in the chain: segments that follow one
+            another, (K, K, lanes) from row to column, and that start here by their durations, (K, D, lanes).
     """
-    frames, components = entering.shape
-    occupied = np.zeros(components)
-    for t in range(frames):
+    _, transitions, durations, _ = chain
+    entering, leaving, emissions = events
+    changes, lasts = counts
+    (count, components, _), longest = emissions.shape, durations.shape[1]
+    stops, owed = np.full(components, count + longest), np.ones((components, LANES))
+    after, rest, until = np.ones((components, LANES)), np.empty((components, LANES)), load(bounds, (0,))
+    counted = load(bounds, (1,))
+    for t in range(count - 1, -1, -1):
+        now = repeat(float(t))
         for j in range(components):
-            responsibilities[t, j] = max(occupied[j] + entering[t, j] * rest[t, j], 0.0)
-            occupied[j] = responsibilities[t, j] - ends[t, j]
+            factor, stop = where_above(until, now, load(emissions, (t, j)), 1.0), min(stops[j], t + longest)
+            settle(rows, j, t + 1, stop, owed, factor)
+            share, ahead = load(owed, (j,)), load(after, (j,)) * factor
+            store(rows, (j, t), where_above(ahead, CEILING, CEILING, ahead) / share)
+            total = weigh(rows, j, t, stop, durations)
+            stops[j] = forget(rows, j, t, stop, total) if t % BLOCK == 0 else stop
+            start, ahead = where_above(counted, now, load(entering, (t, j)), 0.0), total * share
+            ahead = where_above(ahead, CEILING, CEILING, ahead)
+            store(rest, (j,), ahead)
+            store(entering, (t, j), start * ahead)
+            if any_above(start * ahead, NEGLIGIBLE):
+                for r in range(stop - t):
+                    store(lasts, (j, r), load(lasts, (j, r)) + start * share * load(rows, (j, t + r)))
+        for i in range(components if t > 0 else 0):
+            ahead, left = repeat(0.0), where_above(counted, now, load(leaving, (t - 1, i)), 0.0)
+            for j in range(components):
+                ahead += load(rest, (j,)) * transitions[i, j]
+                store(changes, (i, j), load(changes, (i, j)) + left * load(rest, (j,)))
+            # Where a lane joins with the next frame, nothing is known of what would follow.
+            ahead = where_above(until, now, where_above(ahead, CEILING, CEILING, ahead), 1.0)
+            store(leaving, (t - 1, i), left * ahead)
+            store(after, (i,), ahead)
+
+
+@compiled
+def take_frames(densities: FloatArray, lanes: Demonstrations, emissions: FloatArray) -> None:
+    """Fill `emissions` (T, K, lanes) with `densities` (N, K), and with a lane's last frame again after its end."""
+    for t in range(emissions.shape[0]):
+        for lane in range(LANES):
+            n = lanes[lane, 0] + min(t, lanes[lane, 1] - 1)
+            for j in range(emissions.shape[1]):
+                emissions[t, j, lane] = densities[n, j]
+
+
+@compiled
+def occupy_components(events: Events, lanes: Demonstrations, counted: FloatArray, responsibilities: FloatArray) -> None:
+    """Fill `responsibilities` (N, K): the starts so far less the ends before. This spares keeping all forward values.
+
+    Args:
+        events: As `backward_frames` leaves them. The first is overwritten.
+        lanes: What each went through.
+        counted: (lanes,) how many frames of each are counted.
+        responsibilities: Filled in these frames.
+    """
+    entering, leaving, _ = events
+    count, components, _ = entering.shape
+    occupied = np.zeros((components, LANES))
+    for t in range(count):
+        for j in range(components):
+            share = load(occupied, (j,)) + load(entering, (t, j))
+            share = where_above(share, 0.0, share, 0.0)
+            store(entering, (t, j), share)
+            store(occupied, (j,), share + load(leaving, (t, j)) * -1.0)
+        for lane in range(LANES):
+            if t < counted[lane]:
+                for j in range(components):
+                    responsibilities[lanes[lane, 0] + t, j] = entering[t, j, lane]
 
 
 @compiled
@@ -243,38 +206,49 @@ def below_largest(log_emissions: FloatArray, largest: FloatArray, below: FloatAr
 
 @compiled
 def expect_demonstrations(
-    frames: tuple[FloatArray, FloatArray, FloatArray],
-    lengths: NDArray[np.int64],
-    chain: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+    frames: tuple[FloatArray, FloatArray],
+    demonstrations: Demonstrations,
+    chain: Parameters,
     responsibilities: FloatArray,
     counts: tuple[FloatArray, FloatArray, FloatArray],
 ) -> float:
-    """Forward and backward over demonstrations one after the other.
+    """Forward and backward over demonstrations, as many as there are lanes at once.
 
     Args:
-        frames: Log-densities (N, K), the largest of each frame (N,), and the densities divided by that one's (N, K),
-            which are overwritten.
-        lengths: Frames of each demonstration.
-        chain: As of `forward_frames`.
-        responsibilities: (N, K) filled.
+        frames: Log-densities (N, K) and the largest of each frame (N,), which is changed.
+        demonstrations: From the longest to the shortest, none empty.
+        chain: The current estimate.
+        responsibilities: (N, K) filled; comes with the densities divided by the largest of their frame.
         counts: Get what is expected added: demonstrations that start in each component (K,), then as of
             `backward_frames`.
 
     Returns:
         The log-likelihood of all.
     """
-    log_emissions, largest, densities = frames
-    starting, changes, lasts = counts
-    transitions, ending = chain[1], chain[3]
-    back, durations = np.ascontiguousarray(transitions.T), np.ascontiguousarray(ending[:, ::-1])
-    log_likelihood, start = 0.0, 0
-    for length in lengths:
-        part, shape = slice(start, start + length), (length, starting.shape[0])
-        events = (np.empty(shape), np.empty(shape), densities[part])
-        ends, rest = np.empty(shape), np.empty(shape)
-        log_likelihood += forward_frames(log_emissions[part], largest[part], chain, events)
-        backward_frames((back, durations), events, ends, rest, (changes, lasts))
-        occupy_components(events[0], rest, ends, responsibilities[part])
-        starting += responsibilities[start]
-        start += length
+    largest, (starting, changes, lasts) = frames[1], counts
+    components, longest = chain[2].shape
+    count, most, log_likelihood = len(demonstrations), demonstrations[0, 1], 0.0
+    rows, totals = np.empty((components, most + longest, LANES)), np.empty((most, LANES))
+    shape, bounds = (most, components, LANES), np.empty((2, LANES))
+    entering, leaving, emissions = np.empty(shape), np.empty(shape), np.empty(shape)
+    lanes = np.empty((LANES, 2), np.int64)
+    for first in range(0, count, LANES):
+        for lane in range(LANES):
+            counts_here = first + lane < count
+            n = first + lane if counts_here else first  # lanes that are left over repeat the first
+            lanes[lane, 0], lanes[lane, 1] = demonstrations[n, 0], demonstrations[n, 1]
+            bounds[0, lane], bounds[1, lane] = lanes[lane, 1], lanes[lane, 1] if counts_here else 0.0
+        stop = lanes[0, 1]
+        events = (entering[:stop], leaving[:stop], emissions[:stop])
+        take_frames(responsibilities, lanes, events[2])
+        rows[:] = 0.0
+        forward_frames(frames, lanes, chain, rows, events, totals)
+        rows[:] = 1.0
+        backward_frames(bounds, chain, rows, events, (changes, lasts))
+        occupy_components(events, lanes, bounds[1], responsibilities)
+        for lane in range(min(LANES, count - first)):
+            for j in range(components):
+                starting[j] += responsibilities[lanes[lane, 0], j]
+            for t in range(lanes[lane, 1]):
+                log_likelihood += largest[lanes[lane, 0] + t] + np.log(totals[t, lane])
     return log_likelihood

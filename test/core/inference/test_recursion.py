@@ -103,6 +103,42 @@ def test_expectation_holds_where_one_component_is_far_likelier_than_another(spre
     assert found.counts.durations.sum() == pytest.approx(found.counts.transitions.sum() + 1.0, abs=EXACT)
 
 
+@pytest.mark.parametrize("components", [1, 4])
+@pytest.mark.parametrize("spread", [1.0, 60.0, 900.0])
+def test_expectation_of_many_unequal_demonstrations_is_that_of_each(components, spread):
+    """More of them than are gone through at once, from one frame to many times the longest duration."""
+    rng = np.random.default_rng(22)
+    chain, lengths = random_chain(rng, components, 9), [5, 70, 1, 33, 9, 10, 1, 41, 2, 64, 8]
+    log_emissions = rng.normal(0.0, 1.0, (sum(lengths), components)) - spread * rng.random((sum(lengths), components))
+    found = expect(chain, log_emissions, lengths)
+    parts = np.split(log_emissions, np.cumsum(lengths)[:-1])
+    alone = [expect(chain, part, [len(part)]) for part in parts]
+    for one, part in zip(alone, parts, strict=True):
+        log_likelihood, posterior = in_logarithms(chain, part)
+        assert one.log_likelihood == pytest.approx(log_likelihood, rel=1e-12)
+        np.testing.assert_allclose(one.responsibilities, posterior, atol=EXACT)
+    np.testing.assert_allclose(found.responsibilities, np.concatenate([a.responsibilities for a in alone]), atol=EXACT)
+    assert found.log_likelihood == pytest.approx(sum(one.log_likelihood for one in alone), rel=1e-12)
+    for name in ("initial", "transitions", "durations"):
+        expected = sum(getattr(one.counts, name) for one in alone)
+        np.testing.assert_allclose(getattr(found.counts, name), expected, atol=EXACT)
+
+
+def test_a_frame_out_of_reach_in_one_demonstration_changes_no_other():
+    rng = np.random.default_rng(23)
+    chain = Chain(np.array([1.0, 0.0]), np.array([[0.0, 1.0], [1.0, 0.0]]), np.tile([0.0, 0.0, 1.0], (2, 1)))
+    hidden = np.array([[0.0, 900.0], [-300.0, 900.0], [-300.0, 0.0], [-2.0, -1.0]])
+    plain = rng.normal(0.0, 1.0, (9, 2))
+    found = expect(chain, np.concatenate([plain, hidden, hidden[:2], plain[:3]]), [9, 4, 2, 3])
+    expected = [in_logarithms(chain, part) for part in (plain, plain[:3])]
+    assert found.log_likelihood == pytest.approx(expected[0][0] - 301.0 - 300.0 - 300.0 + expected[1][0], abs=1e-9)
+    np.testing.assert_allclose(found.responsibilities[:9], expected[0][1], atol=EXACT)
+    np.testing.assert_allclose(
+        found.responsibilities[9:15], [[1, 0], [1, 0], [1, 0], [0, 1], [1, 0], [1, 0]], atol=EXACT
+    )
+    np.testing.assert_allclose(found.responsibilities[15:], expected[1][1], atol=EXACT)
+
+
 def test_starting_as_if_a_segment_had_just_ended_gives_another_belief():
     rng = np.random.default_rng(3)
     chain = random_chain(rng, 3, 4)
