@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mild_core.compiled import compiled_in_any_order
+from mild_core.compiled import compiled, compiled_in_any_order
 from mild_core.inference.gaussian import LOG_TWO_PI, Gaussian
 from mild_core.shapes import FloatArray
 
@@ -36,6 +36,21 @@ class LatentFrames:
     features: FloatArray
 
 
+@compiled
+def fill_features(centred: FloatArray, features: FloatArray) -> None:
+    """Fill `features` as `LatentFrames` has them, from the latents less their centre (N, Z)."""
+    frames, size = centred.shape
+    for n in range(frames):
+        column = 0
+        for a in range(size):  # in the order of np.triu_indices
+            for b in range(a, size):
+                features[n, column] = centred[n, a] * centred[n, b]
+                column += 1
+        for a in range(size):
+            features[n, column + a] = centred[n, a]
+        features[n, column + size] = 1.0
+
+
 def latent_frames(latents: Sequence[FloatArray]) -> LatentFrames:
     """Prepare demonstrations, each (T, Z).
 
@@ -50,12 +65,8 @@ def latent_frames(latents: Sequence[FloatArray]) -> LatentFrames:
     centre = everything.mean(axis=0)
     centred = everything - centre
     size = everything.shape[1]
-    pairs = size * (size + 1) // 2
-    features = np.ones((len(everything), pairs + size + 1))
-    for a in range(size):  # in the order of np.triu_indices
-        first = a * size - a * (a - 1) // 2
-        np.multiply(centred[:, a : a + 1], centred[:, a:], out=features[:, first : first + size - a])
-    features[:, pairs:-1] = centred
+    features = np.empty((len(everything), size * (size + 1) // 2 + size + 1))
+    fill_features(centred, features)
     times = np.concatenate([(np.arange(len(z)) + 0.5) / len(z) for z in latents])
     return LatentFrames(tuple(len(z) for z in latents), times, centre, centred.var(axis=0), features)
 
