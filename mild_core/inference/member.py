@@ -234,6 +234,11 @@ def make_ready(member: Member, interaction: int, residual_covariance: FloatArray
     )
 
 
+def make_told(members: Sequence[Member], interaction: int, residual_covariance: FloatArray) -> Told:
+    """Lay all members out; arguments as for `make_ready`."""
+    return Told(tuple([make_ready(member, interaction, residual_covariance) for member in members]))
+
+
 def spread_operators(
     decoder: Network, inputs: tuple[str, ...], sizes: Mapping[str, int], priors: Sequence[Prior], window: int
 ) -> FloatArray:

@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Inference: a person's feature window in, the controlled agent's next motion window out.
 
-    encode -> update the belief -> condition -> mix -> decode, as if told each interaction -> recognise -> mix by that
+    encode -> update the belief -> recognise -> condition -> mix -> decode -> mix by interaction
+
+All but recognition happens as if told each interaction that may be the one: networks never learned from a label between
+two, and before it can be known which answer is the right one, their mean errs less than any.
 
 Every window ends in exactly one outcome: `accepted`, or what is wrong with it: `wrong_joints`, `wrong_shape`,
 `not_finite`, `duplicate`. Beside them, events are counted that may come with any accepted window: `time_reset` (its
@@ -21,7 +24,7 @@ from functools import cached_property
 import numpy as np
 
 from mild_core.errors import DataError, unknown_name
-from mild_core.inference.member import Generated, MemberState, Told, combined, make_ready
+from mild_core.inference.member import Generated, MemberState, Told, combined, make_told
 from mild_core.inference.motion_model import MildModel
 from mild_core.inference.priors.filtering import UNDERFLOW
 from mild_core.inference.recognition import Recognition, given, recognise, undecided
@@ -68,8 +71,7 @@ class Inference:
     @cached_property
     def _told(self) -> tuple[Told, ...]:
         """All members, told each interaction that may be the one."""
-        members, covariance = self.model.members, self.model.residual_covariance
-        return tuple(Told(tuple(make_ready(m, i, covariance) for m in members)) for i in self._considered)
+        return tuple(make_told(self.model.members, i, self.model.residual_covariance) for i in self._considered)
 
     @cached_property
     def _considered(self) -> tuple[int, ...]:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -39,7 +40,7 @@ class Posterior:
     mean: Tensor
     factor: Tensor
 
-    @property
+    @cached_property
     def covariance(self) -> Tensor:
         """(..., Q, Q)."""
         return self.factor @ self.factor.transpose(-1, -2)
