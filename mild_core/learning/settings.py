@@ -229,6 +229,8 @@ class TrainingSettings:
         shape = self.architecture
         if "context" in (*shape.encoder, *shape.gate, *shape.residual) and not shape.context:
             raise ValueError("'context' is a source here, but the context has no sources itself")
+        if self.start_pose and self.reservoir is None:
+            raise ValueError("start_pose is learned from what a reservoir errs in, and there is none: reservoir = true")
 
 
 PAPER = TrainingSettings(

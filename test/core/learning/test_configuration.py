@@ -58,6 +58,7 @@ def test_an_optional_part_is_left_out_by_false_and_changed_by_a_table():
         (HEAD + "[settings.architecture]\nencoder_hidden = 3", "is 3; give a list"),
         (HEAD + '[settings.architecture]\nencoder_hidden = ["a"]', "is 'a'; give a whole number"),
         (HEAD + "[settings]\ngradient_stride = 2\nstride = 3", "equal strides"),
+        (HEAD + "[settings]\nreservoir = false", "start_pose is learned from what a reservoir errs in"),
         (HEAD + 'preset = "papr"', "did you mean 'paper'"),
         (HEAD + "seed = 1.5", "key 'seed': is 1.5"),
         ('dataset = "nuisi"', "key 'protocol' is missing"),

@@ -177,7 +177,7 @@ def test_the_stage_blends_it_with_the_members_and_a_folder_keeps_it():
     ],
 )
 def test_arrays_that_do_not_fit_are_named(reservoir, name, wrong):
-    bare = replace(SETTINGS, reservoir=None, recogniser=None, epochs=1)
+    bare = replace(SETTINGS, reservoir=None, start_pose=False, recogniser=None, epochs=1)
     manifest, arrays = export(finished(train(TRIALS, SAME_SECOND, bare, 0)), TRIALS, np.eye(3), ModelFacts("x"))
     with pytest.raises(ModelError, match=r"reservoir\."):
         build_model(manifest, {**arrays, **reservoir.to_arrays(), f"reservoir.{name}": wrong})
