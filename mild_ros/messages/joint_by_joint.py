@@ -2,7 +2,8 @@
 """People whose joints come one at a time, put together to frames.
 
 A frame is done when it holds the joints of everybody who was in the frame before, and at the latest when one of them
-comes again. So no rate has to be known, an occluded joint delays one frame, and a lost person likewise.
+comes again. So no rate has to be known, an occluded joint delays one frame, and a lost person likewise. A joint that
+comes after its frame was done stands in the next one unless it comes anew: one that is always late is not lost.
 """
 
 from __future__ import annotations
@@ -53,6 +54,8 @@ class JointByJoint:
     def _clear(self) -> None:
         self._frame: dict[str, dict[str, Sample]] = {}
         self._expected: dict[str, set[str]] = {}
+        self._done: dict[str, dict[str, Sample]] = {}
+        self._late: dict[str, dict[str, Sample]] = {}
         self._newest_ns = -1
 
     def add(self, person: str, joint: str, sample: Sample) -> People | None:
@@ -70,6 +73,9 @@ class JointByJoint:
             self._clear()
         if sample.stamp_ns <= self._newest_ns:  # its frame is done: the next one waits for this joint too
             self._expected.setdefault(person, set()).add(joint)
+            before = self._done.get(person, {}).get(joint)
+            if before is None or before.stamp_ns < sample.stamp_ns:
+                self._late.setdefault(person, {})[joint] = sample
             return None
         joints = self._frame.get(person, {})
         if joint in joints and joints[joint].stamp_ns == sample.stamp_ns:
@@ -81,15 +87,16 @@ class JointByJoint:
     def forget(self, persons: Collection[str]) -> None:
         """These are no longer seen: wait for none of their joints."""
         for person in persons:
-            self._expected.pop(person, None)
-            self._frame.pop(person, None)
+            for known in (self._expected, self._frame, self._late):
+                known.pop(person, None)
 
     def _is_whole(self) -> bool:
         wanted = self._expected or {person: set(self._joint_names) for person in self._frame}
         return all(self._frame.get(person, {}).keys() >= joints for person, joints in wanted.items())
 
     def _taken(self) -> People:
-        frame, self._frame = self._frame, {}
+        frame = {name: {**self._late.get(name, {}), **joints} for name, joints in self._frame.items()}
+        self._done, self._frame, self._late = frame, {}, {}
         self._newest_ns = max(sample.stamp_ns for joints in frame.values() for sample in joints.values())
         people = {name: self._person(name, joints) for name, joints in frame.items()}
         seen = {name: person for name, person in people.items() if person is not None}
