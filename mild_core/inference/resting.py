@@ -64,6 +64,11 @@ def watch(rest: Rest, hand_m: FloatArray, passed: int) -> Rest:
     return rest
 
 
+def rests(rest: Rest | None, hand_m: FloatArray) -> float:
+    """How much a hand at (3,) still rests where it was first seen: 1 there, 0 for good once it has moved."""
+    return 0.0 if rest is None or rest.moved else max(0.0, 1.0 - float(np.linalg.norm(hand_m - rest.place_m)) / MOVED_M)
+
+
 def is_waiting(rest: Rest, rest_frames: int) -> bool:
     """Whether the hand has rested for longer than it ever did before a motion."""
     return not rest.moved and rest.frames > rest_frames

@@ -28,7 +28,7 @@ from mild_core.inference.member import Generated, MemberState, Told, combined, m
 from mild_core.inference.motion_model import MildModel
 from mild_core.inference.priors.filtering import UNDERFLOW
 from mild_core.inference.recognition import Recognition, given, recognise, undecided
-from mild_core.inference.resting import STILL_S, first_seen, is_back, is_waiting, watch
+from mild_core.inference.resting import STILL_S, first_seen, is_back, is_waiting, rests, watch
 from mild_core.inference.state import CopyState, InferenceState
 from mild_core.inference.stepping import Observed
 from mild_core.shapes import FloatArray, read_only
@@ -191,12 +191,11 @@ class Inference:
 
     def _seen(self, state: InferenceState, index: int, window: FeatureWindow) -> InferenceState:
         """The state with this window in all that remembers the arm's own motion: reservoir and rest."""
-        passed = index - state.index
-        positions = _positions(window)
-        units = rest = None
-        if self.model.reservoir is not None and np.isfinite(positions).all():
-            units = self.model.reservoir.listen(positions, self.model.manifest.rate_hz, state.units, passed)[-1]
-        if self.model.manifest.rest_s > 0.0:
+        reservoir, rate_hz, units, rest = self.model.reservoir, self.model.manifest.rate_hz, None, None
+        passed, positions = index - state.index, _positions(window)
+        if reservoir is not None and np.isfinite(positions).all():
+            units = reservoir.listen(positions, rate_hz, state.units, passed)[-1]
+        if self._rest_frames > 0:
             hand_m = read_only(positions[:, -3:])
             rest = first_seen(hand_m) if state.rest is None else watch(state.rest, hand_m[-1], passed)
         return replace(state, units=units, rest=rest)
@@ -223,7 +222,8 @@ class Inference:
             answer = model.reservoir.answer(seen.units, _positions(window), label)
             motion, covariance = model.reservoir.blend(motion, covariance, answer)
         if model.start_pose is not None and seen.start is not None:
-            motion = model.start_pose.displaced(motion, seen.start, label)
+            resting = rests(seen.rest, _positions(window)[-1, -3:])
+            motion = model.start_pose.displaced(motion, seen.start, label, resting)
         return replace(members, motion=motion, covariance=covariance)
 
     def _observe(self, state: InferenceState, place: int, index: int, window: FeatureWindow) -> _Found:

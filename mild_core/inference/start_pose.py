@@ -3,7 +3,7 @@
 
 Two demonstrations of one interaction differ most by a constant: the robot stood elsewhere, the person too, and nothing
 in the person's motion tells. Where the robot stood does, partly. Near its start the robot is where it stood; far from
-it, displaced by a share of how unusually it stood.
+it, displaced by a share of how unusually it stood. And while the person rests, the robot still stands there.
 
 Source: METHOD section 4 (a third of the error is a constant offset per trial); the regression is ours.
 """
@@ -28,6 +28,8 @@ class StartPose:
         resting: (P, J, J) displacement of a pose at the start, by how unusual the start is.
         moving: (P, J, J) the same of a pose far from it.
         nearness: (1,) distance from the start at which a pose is of both kinds, as exp(-1/2) [rad].
+        standing: (1,) distance from the start up to which a predicted pose means standing there while the person
+            rests, as exp(-1/2) [rad].
 
     Raises:
         ValueError: A distance is not above zero.
@@ -38,35 +40,38 @@ class StartPose:
     resting: FloatArray
     moving: FloatArray
     nearness: FloatArray
+    standing: FloatArray
 
     def __post_init__(self) -> None:
-        if not (self.reach[0] > 0.0 and self.nearness[0] > 0.0):
-            raise ValueError("array start_pose.reach or .nearness is no distance above zero")
+        if not min(self.reach[0], self.nearness[0], self.standing[0]) > 0.0:
+            raise ValueError("array start_pose.reach, .nearness or .standing is no distance above zero")
 
-    def displaced(self, motion: FloatArray, start: FloatArray, label: FloatArray) -> FloatArray:
+    def displaced(self, motion: FloatArray, start: FloatArray, label: FloatArray, resting: float) -> FloatArray:
         """(W, J) a predicted window, displaced [rad].
 
         Args:
             motion: (W, J) the window [rad].
             start: (J,) where the robot stood before it [rad].
             label: (P,) probability of each interaction.
+            resting: How much the person still rests, see `resting.rests`.
         """
         unusual = start - self.mean
         known = label * (np.linalg.norm(unusual, axis=1) <= self.reach[0])
         near = near_start(motion, self.mean[:, None], self.nearness[0])[..., None]
         at_rest, moved = (np.einsum("pjk,pk->pj", gain, unusual)[:, None] for gain in (self.resting, self.moving))
         displaced: FloatArray = motion + np.tensordot(known, near * at_rest + (1.0 - near) * moved, axes=1)
+        stands = resting * known.sum() * near_start(displaced, start, self.standing[0])[:, None]
+        displaced += stands * (start - displaced)
         return displaced
 
     def to_arrays(self) -> dict[str, FloatArray]:
         """What `take_start_pose` takes."""
-        names = ("mean", "reach", "resting", "moving", "nearness")
-        return {f"start_pose.{name}": getattr(self, name) for name in names}
+        return {f"start_pose.{name}": getattr(self, name) for name in self.__dataclass_fields__}
 
 
-def near_start(poses: FloatArray, mean: FloatArray, nearness: float) -> FloatArray:
+def near_start(poses: FloatArray, start: FloatArray, nearness: float) -> FloatArray:
     """How much poses (..., J) are such as at the start, 1 to 0: by their distance from where the robot starts."""
-    near: FloatArray = np.exp(-((poses - mean) ** 2).sum(axis=-1) / (2.0 * nearness**2))
+    near: FloatArray = np.exp(-((poses - start) ** 2).sum(axis=-1) / (2.0 * nearness**2))
     return near
 
 
@@ -77,5 +82,6 @@ def take_start_pose(take: TakeArray, interactions: int, joints: int) -> StartPos
         ValueError: One is missing or has another shape.
     """
     gain = (interactions, joints, joints)
-    shapes = {"mean": (interactions, joints), "reach": (1,), "resting": gain, "moving": gain, "nearness": (1,)}
+    distances = dict.fromkeys(("reach", "nearness", "standing"), (1,))
+    shapes = {"mean": (interactions, joints), "resting": gain, "moving": gain, **distances}
     return StartPose(**{name: read_only(take(f"start_pose.{name}", shape)) for name, shape in shapes.items()})

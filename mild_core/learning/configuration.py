@@ -13,7 +13,8 @@ from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 from mild_core.errors import SetupError, unknown_name
 from mild_core.learning.datasets import DATASETS, recording_named
-from mild_core.learning.settings import TrainingSettings, preset_named
+from mild_core.learning.presets import preset_named
+from mild_core.learning.settings import TrainingSettings
 from mild_core.learning.windows import protocol_named
 
 FOLDER = Path(__file__).parent / "configurations"

@@ -24,15 +24,13 @@ from mild_core.learning.coordinates import Coordinates
 from mild_core.learning.corpus import corpus_of
 from mild_core.learning.demonstration import Demonstration
 from mild_core.learning.novelty import bone_lengths_m, latent_radius, territory_of
+from mild_core.learning.settings import TrainingSettings
 from mild_core.learning.trained import TrainedMember, TrainedModel
 from mild_core.learning.vae import RUNNING, Chain
 from mild_core.learning.windows import onset_frame
 from mild_core.shapes import FloatArray
 
 Arrays = dict[str, NDArray[Any]]
-
-EVIDENCE_PER_S, KEPT_PER_S = 4.0, 0.67
-"""Windows per second that recognition counts in full, and the share of the evidence that is left after a second."""
 
 MORE_REST_S = 0.25
 """What an onset is seen later by who takes the first frame, not the mean of the first ten, for the place of rest."""
@@ -96,17 +94,17 @@ def export(
         arrays |= {f"member_{index}.{name}": array for name, array in found.items()}
     if trained.settings.recogniser is not None or trained.reservoir is not None:
         rate_hz = demonstrations[0].rate_hz / trained.protocol.keep_every
-        arrays["recognition"] = recognition_rates(rate_hz)
+        arrays["recognition"] = recognition_rates(rate_hz, trained.settings)
     longest = max(p.chain.longest for member in trained.members for p in member.prior.priors)
     return _manifest(trained, demonstrations, facts, tuple(members), longest), arrays
 
 
-def recognition_rates(rate_hz: float) -> FloatArray:
+def recognition_rates(rate_hz: float, settings: TrainingSettings) -> FloatArray:
     """Temper and forgetting (2,) of a model whose recognisers see `rate_hz` windows a second.
 
     Successive windows are far from independent: they count by time.
     """
-    return np.array([min(1.0, EVIDENCE_PER_S / rate_hz), KEPT_PER_S ** (1.0 / rate_hz)])
+    return np.array([min(1.0, settings.evidence_per_s / rate_hz), settings.evidence_kept_per_s ** (1.0 / rate_hz)])
 
 
 def rest_s(demonstrations: Sequence[Demonstration]) -> float:

@@ -11,7 +11,7 @@ from mild_core.learning.baseline import Baseline, Predictor
 from mild_core.learning.baselines import BASELINES
 from mild_core.learning.configuration import Configuration
 from mild_core.learning.demonstration import Demonstration
-from mild_core.learning.settings import PRESETS
+from mild_core.learning.presets import PRESETS
 from mild_core.learning.windows import Protocol
 
 

@@ -3,10 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-
-from mild_core.errors import unknown_name
 
 
 @dataclass(frozen=True)
@@ -196,6 +193,8 @@ class TrainingSettings:
         averaging: Share that the running average of the weights keeps at each epoch once the prior is frozen; 0: the
             last weights are taken.
         members: Networks trained from different seeds, whose answers are averaged.
+        evidence_per_s: Windows per second that recognition counts in full.
+        evidence_kept_per_s: Share of what recognition has seen that still counts a second later.
         patience: Epochs without a better error on held-out trials after which the number of epochs is found, see
             `stopping`; 0: it is `epochs`.
     """
@@ -220,6 +219,8 @@ class TrainingSettings:
     samples: int = 1
     averaging: float = 0.97
     members: int = 1
+    evidence_per_s: float = 4.0
+    evidence_kept_per_s: float = 0.67
     patience: int = 0
 
     def __post_init__(self) -> None:
@@ -229,68 +230,7 @@ class TrainingSettings:
         shape = self.architecture
         if "context" in (*shape.encoder, *shape.gate, *shape.residual) and not shape.context:
             raise ValueError("'context' is a source here, but the context has no sources itself")
+        if not (self.evidence_per_s > 0.0 and 0.0 < self.evidence_kept_per_s <= 1.0):
+            raise ValueError("evidence_per_s must be above 0, evidence_kept_per_s above 0 and at most 1")
         if self.start_pose and self.reservoir is None:
             raise ValueError("start_pose is learned from what a reservoir errs in, and there is none: reservoir = true")
-
-
-PAPER = TrainingSettings(
-    architecture=Architecture(
-        question_coordinates=0,
-        answer_coordinates=0,
-        context=(),
-        encoder=("window",),
-        encoder_hidden=(250, 150),
-        residual=(),
-        decoder=("controlled",),
-        decoder_hidden=(150, 250),
-        counterpart_hidden=(250, 150),
-    ),
-    prior=PriorSettings(components=10, iterations=2, every=2, frozen_from=1.0),
-    weights=LossWeights(prediction=0.0, observed=1.0, controlled=1.0, divergence=1e-3),
-    augmentation=None,
-    recogniser=None,
-    reservoir=None,
-    start_pose=False,
-    stride=1,
-    gradient_stride=40,
-    epochs=200,
-    observed_epochs=60,
-    batch_trials=1,
-    learning_rate=1e-3,
-    largest_gradient=1e6,
-    dropout=0.0,
-    samples=10,
-    averaging=0.0,
-    members=1,
-)
-"""Source: the paper's section IV: sizes, samples and weights as printed, misprints corrected. At the printed rate of
-1e-4 it was still far from its best after as many epochs, so it learns at ten times that, falling to zero; errors are
-shares of the windows' variance, because the paper does not say in what units its beta weighs."""
-
-SAME = TrainingSettings()
-"""Chosen by cross-validation over the training trials; see docs/accuracy.md."""
-
-AHEAD = SAME
-NEXT = TrainingSettings(
-    recogniser=RecogniserSettings(epochs=1.5),
-    stride=1,
-    gradient_stride=1,
-    epochs=200,
-    batch_trials=8,
-    learning_rate=3e-3,
-    members=2,
-)
-
-PRESETS: Mapping[str, TrainingSettings] = {"paper": PAPER, "same": SAME, "ahead": AHEAD, "next": NEXT}
-"""The paper's model, and by protocol the one that is shipped."""
-
-
-def preset_named(name: str) -> TrainingSettings:
-    """The settings of that name.
-
-    Raises:
-        SetupError: There are none.
-    """
-    if name not in PRESETS:
-        raise unknown_name("training preset", name, PRESETS)
-    return PRESETS[name]

@@ -17,7 +17,7 @@ from mild_core.learning.demonstration import Demonstration
 from mild_core.learning.windows import Protocol, cut
 from mild_core.shapes import FloatArray
 
-NEARNESS_RAD = 0.6
+NEARNESS_RAD, STANDING_RAD = 0.6, 0.25
 SHARED = 0.5
 """Share of a gain's prior variance that all interactions have in common."""
 
@@ -91,7 +91,7 @@ def fit_start_pose(
     ]
     reach = REACH * np.linalg.norm(unusual, axis=1).max()
     resting, moving = _gains(wrong, len(interactions))
-    return StartPose(mean, np.array([reach]), resting, moving, np.array([NEARNESS_RAD]))
+    return StartPose(mean, np.array([reach]), resting, moving, np.array([NEARNESS_RAD]), np.array([STANDING_RAD]))
 
 
 def _wrong(

@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from mild_core.inference.reservoir import Reservoir
+from mild_core.inference.resting import first_seen, rests, watch
 from mild_core.inference.start_pose import StartPose
 from mild_core.learning.coordinates import Coordinates
 from mild_core.learning.corpus import corpus_of, cut_tracks
@@ -101,8 +102,19 @@ class TrainedModel:
             answers += self.reservoir.share[0] * (self._beside(demonstration, label).reshape(answers.shape) - answers)
         if started and self.start_pose is not None:
             start = demonstration.controlled[0]
-            answers = np.array([self.start_pose.displaced(motion, start, label) for motion in answers])
+            both = zip(answers, self._resting(demonstration), strict=True)
+            answers = np.array([self.start_pose.displaced(motion, start, label, resting) for motion, resting in both])
         return answers
+
+    def _resting(self, demonstration: Demonstration) -> list[float]:
+        """N, how much the person rests at the newest frame of every window."""
+        trial, width = thin(demonstration, self.protocol), self.protocol.window
+        hand_m = trial.observed_m[:, -1]
+        rest, found = first_seen(hand_m[:1]), []
+        for place_m in hand_m:
+            rest = watch(rest, place_m, 1)
+            found.append(rests(rest, place_m))
+        return found[width - 1 : width - 1 + self.protocol.windows_of(trial.frames)]
 
     def _beside(self, demonstration: Demonstration, label: FloatArray) -> FloatArray:
         """(N, W J) what the reservoir answers to every window."""

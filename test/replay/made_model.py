@@ -33,7 +33,7 @@ def save_random_model(
     if controlled.unit == "rad":  # the robot's start displaces what it does
         gains = np.tile(0.3 * np.eye(controlled.values), (len(of.interactions), 1, 1))
         mean = np.tile(about - 0.1, (len(of.interactions), 1))
-        arrays |= StartPose(mean, np.array([2.0]), gains, 0.5 * gains, np.array([0.6])).to_arrays()
+        arrays |= StartPose(mean, np.array([2.0]), gains, 0.5 * gains, np.array([0.6]), np.array([0.25])).to_arrays()
     save_model(folder, of, arrays, "# Random\n\nNot trained.\n")
     return folder
 

@@ -13,7 +13,7 @@ from mild_core.learning.windows import Protocol
 def fit(demonstrations: Sequence[Demonstration], protocol: Protocol, seed: int) -> Predictor:
     """Train with preset "paper" (see `Fit`)."""
     from mild_core.learning.learned_model import learn  # torch takes seconds to import, and the others need none
-    from mild_core.learning.settings import PRESETS
+    from mild_core.learning.presets import PRESETS
 
     return learn(demonstrations, protocol, PRESETS["paper"], seed)
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mild_core.inference.model import build_model
-from mild_core.inference.resting import BACK_M, first_seen, is_back, is_waiting, watch
+from mild_core.inference.resting import BACK_M, first_seen, is_back, is_waiting, rests, watch
 from mild_core.inference.stage import Inference
 from mild_core.learning.export import ModelFacts, export
 from mild_core.learning.learned_model import finished
@@ -98,6 +98,10 @@ def test_a_hand_that_trembles_waits_and_one_that_leaves_does_not():
     assert not is_waiting(trembling, 100)
     assert not is_waiting(hand(trembling, [(0.06, 0, 0)]), 60)
     assert not is_back(trembling, 10)
+    assert rests(trembling, np.array([0.0, 0.01, 0.0])) == pytest.approx(0.8)
+    assert rests(trembling, np.zeros(3)) == 1.0
+    assert rests(hand(trembling, [(0.06, 0, 0)]), np.zeros(3)) == 0.0  # for good
+    assert rests(None, np.zeros(3)) == 0.0  # nobody knows where the hand rests
 
 
 def test_a_hand_that_moves_in_the_first_window_does_not_wait():

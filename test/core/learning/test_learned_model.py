@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mild_core.learning import settings
+from mild_core.learning import presets
 from mild_core.learning.cross_validation import GIVEN, RECOGNISED, STARTED, Job, run_job
 from mild_core.learning.learned_model import learn
 from mild_core.learning.methods import METHODS
@@ -21,7 +21,7 @@ TRIALS = made_trials(each=3)
 @pytest.fixture(autouse=True)
 def small_presets(monkeypatch):
     small = {"paper": SMALL_PAPER, "same": SMALL, "ahead": SMALL, "next": SMALL}
-    monkeypatch.setattr(settings, "PRESETS", small)
+    monkeypatch.setattr(presets, "PRESETS", small)
     monkeypatch.setattr("mild_core.learning.methods.PRESETS", small)
 
 

@@ -4,14 +4,16 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 import torch
 
 from mild_core.inference.model import build_model
 from mild_core.learning.corpus import corpus_of, cut_tracks
 from mild_core.learning.export import ModelFacts, export, recognition_rates
 from mild_core.learning.learned_model import finished
+from mild_core.learning.presets import PAPER, SAME
 from mild_core.learning.recogniser import STARTED_M, train_recogniser
-from mild_core.learning.settings import PAPER, SAME, Augmentation, RecogniserSettings
+from mild_core.learning.settings import Augmentation, RecogniserSettings
 from mild_core.learning.training import drawing_from, train
 from mild_core.learning.windows import PROTOCOLS
 from test.core.learning.made_trials import made_trial, made_trials
@@ -73,18 +75,26 @@ def test_it_runs_as_it_was_learned_and_moves_no_other_weight():
             wanted = recogniser.logits(window).numpy()
         # Both run in single precision, in another order of additions.
         np.testing.assert_allclose(network.run(window.numpy(), network.first_memory())[0], wanted, atol=2e-5)
-    assert (model.temper, model.forgetting) == tuple(recognition_rates(40.0))
+    assert (model.temper, model.forgetting) == tuple(recognition_rates(40.0, SAME))
     manifest, arrays = export(without, TRIALS, 0.01 * np.eye(3), ModelFacts("small"))
     assert "recogniser" not in manifest.members[0]
     assert "recognition" not in arrays
 
 
 def test_evidence_counts_by_time_and_not_by_frames():
-    temper, forgetting = recognition_rates(40.0)
-    fast_temper, fast_forgetting = recognition_rates(80.0)
+    temper, forgetting = recognition_rates(40.0, SAME)
+    fast_temper, fast_forgetting = recognition_rates(80.0, SAME)
     assert 40.0 * temper == 80.0 * fast_temper
     assert np.isclose(forgetting**40, fast_forgetting**80)
-    assert recognition_rates(2.0)[0] == 1.0
+    assert recognition_rates(2.0, SAME)[0] == 1.0
+    quick = replace(SAME, evidence_per_s=2.0, evidence_kept_per_s=0.25)
+    np.testing.assert_allclose(recognition_rates(40.0, quick), [0.05, 0.25**0.025])
+
+
+@pytest.mark.parametrize("wrong", [{"evidence_per_s": 0.0}, {"evidence_kept_per_s": 0.0}, {"evidence_kept_per_s": 1.1}])
+def test_evidence_that_never_counts_or_grows_is_refused(wrong):
+    with pytest.raises(ValueError, match="evidence_per_s must be above 0"):
+        replace(SAME, **wrong)
 
 
 def test_the_papers_model_has_none():

@@ -13,9 +13,10 @@ from mild_core.inference.stage import Inference
 from mild_core.learning.export import ModelFacts, export
 from mild_core.learning.learned_model import finished
 from mild_core.learning.model_predictor import ModelPredictor
+from mild_core.learning.presets import PAPER
 from mild_core.learning.reservoir import fit_reservoir
 from mild_core.learning.reservoir_trials import STRIDE
-from mild_core.learning.settings import PAPER, ReservoirSettings
+from mild_core.learning.settings import ReservoirSettings
 from mild_core.learning.training import train
 from mild_core.learning.windows import PROTOCOLS, cut, feature_windows, onset_frame
 from test.core.learning.made_trials import made_trial, made_trials

@@ -8,11 +8,12 @@ import pytest
 
 from mild_core.errors import ModelError
 from mild_core.inference.model import build_model
+from mild_core.inference.resting import rests
 from mild_core.inference.stage import Inference
 from mild_core.learning.export import ModelFacts, export
 from mild_core.learning.learned_model import finished
 from mild_core.learning.model_predictor import ModelPredictor
-from mild_core.learning.settings import PAPER
+from mild_core.learning.presets import PAPER
 from mild_core.learning.start_pose import REACH, fit_start_pose
 from mild_core.learning.training import train
 from mild_core.learning.windows import PROTOCOLS, cut, feature_windows
@@ -53,7 +54,7 @@ def test_a_start_that_is_known_makes_a_new_trial_better_answered(number):
     elsewhere = displaced(new, np.array([0.12, -0.1, 0.08]))
     predicted, true = cut(new, SAME_SECOND).controlled, cut(elsewhere, SAME_SECOND).controlled
     label, start = np.eye(2)[number], elsewhere.controlled[0]
-    moved = np.array([learned.displaced(motion, start, label) for motion in predicted])
+    moved = np.array([learned.displaced(motion, start, label, 0.0) for motion in predicted])
     assert ((moved - true) ** 2).mean() < 0.5 * ((predicted - true) ** 2).mean()
 
 
@@ -66,7 +67,7 @@ def test_the_further_a_pose_is_from_the_start_the_less_it_is_displaced_as_the_st
     start_pose = model.start_pose
     label, start = np.eye(2)[0], start_pose.mean[0] + np.array([0.1, 0.0, 0.0])
     poses = start_pose.mean[0] + np.linspace(0.0, 3.0, 40)[:, None] * np.array([0.0, 1.0, 0.0])
-    shifts = (start_pose.displaced(poses, start, label) - poses)[:, 0]
+    shifts = (start_pose.displaced(poses, start, label, 0.0) - poses)[:, 0]
     assert 0.05 < shifts[0] < 0.11
     assert (np.diff(shifts) < 0.0).all()
     assert np.abs(np.diff(shifts)).max() < 0.01  # nothing jumps
@@ -77,7 +78,39 @@ def test_a_start_beyond_all_that_was_seen_tells_nothing(model, times_reach, tell
     start_pose = model.start_pose
     far = start_pose.mean[1] + times_reach * start_pose.reach[0] * np.array([0.0, 0.6, 0.8])
     poses = np.tile(start_pose.mean[1], (40, 1))
-    assert (start_pose.displaced(poses, far, np.eye(2)[1]) != poses).any() == tells
+    for resting in (0.0, 1.0):
+        assert (start_pose.displaced(poses, far, np.eye(2)[1], resting) != poses).any() == tells
+
+
+def test_while_the_person_rests_the_robot_stands_where_it_stood(model):
+    start_pose, label = model.start_pose, np.eye(2)[0]
+    start = start_pose.mean[0] + np.array([0.1, -0.1, 0.05])
+    poses = start_pose.mean[0] + np.linspace(0.0, 3.0, 300)[:, None] * np.array([0.0, 1.0, 0.0])
+    gone, half, resting = (start_pose.displaced(poses, start, label, share) for share in (0.0, 0.5, 1.0))
+    np.testing.assert_allclose(half, 0.5 * (gone + resting))
+    assert np.linalg.norm(resting[0] - start) < 0.05 * np.linalg.norm(gone[0] - start)
+    np.testing.assert_allclose(resting[200:], gone[200:], atol=1e-6)  # what is meant to move, moves
+    assert np.linalg.norm(np.diff(resting - gone, axis=0), axis=1).max() < 0.02  # and nothing jumps
+
+
+def test_who_rests_less_and_less_ends_the_standing_without_a_jump(model):
+    stage, trial = Inference(model, TWO[0]), TRIALS[0]
+    still = {name: np.repeat(getattr(trial, name)[:1], 60, axis=0) for name in ("observed_m", "controlled", "active")}
+    rested = replace(trial, **{name: np.concatenate([rest, getattr(trial, name)]) for name, rest in still.items()})
+    told, _ = stage.step(stage.init(), measured(trial.controlled[0]), 0)
+    both = []
+    for state in (stage.init(), told):
+        answers = []
+        for window in feature_windows(rested, SAME_SECOND):
+            state, motions = stage.step(state, window, window.stamp_ns)
+            answers.append((motions[0].positions, rests(state.rest, window.features[-1, 6:9])))
+        both.append(answers)
+    shares = np.array([share for _, share in both[1]])
+    assert shares[0] == 1.0
+    assert shares[-1] == 0.0
+    assert np.abs(np.diff(shares)).max() < 0.5
+    near = [np.abs(motion[0] - trial.controlled[0]).max() for (motion, _) in (both[0][0], both[1][0])]
+    assert near[1] < near[0]
 
 
 def measured(positions, stamp_ns=0, names=None):

@@ -10,7 +10,7 @@ import torch
 from mild_core.errors import DatasetError
 from mild_core.learning import stopping
 from mild_core.learning.learned_model import finished
-from mild_core.learning.settings import PRESETS
+from mild_core.learning.presets import PRESETS
 from mild_core.learning.stopping import best_epoch, levelled_off
 from mild_core.learning.training import train
 from mild_core.learning.windows import PROTOCOLS
