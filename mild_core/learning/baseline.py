@@ -6,13 +6,16 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol as Promise
-from typing import runtime_checkable
 
 import numpy as np
 
 from mild_core.learning.demonstration import Demonstration
 from mild_core.learning.windows import Protocol, cut
 from mild_core.shapes import FloatArray
+
+GIVEN, RECOGNISED, UNKNOWN, STARTED = "given", "recognised", "unknown", "given, start pose"
+"""What a method is told: the interaction's name, that it has to find it out, nothing and it never asks, or its name
+and where the robot stood before."""
 
 
 class Predictor(Promise):
@@ -27,15 +30,6 @@ class Predictor(Promise):
         Returns:
             (N, W, J) joint angles [rad], or (N, W, J, 3) the partner's arm [m], in the order of `windows.cut`.
         """
-        ...
-
-
-@runtime_checkable
-class Recognising(Promise):
-    """A predictor that can also do without being told the interaction."""
-
-    def predict_recognised(self, demonstration: Demonstration) -> FloatArray:
-        """As `Predictor.predict`, but the interaction of the trial may not be looked at."""
         ...
 
 

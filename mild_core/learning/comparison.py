@@ -43,7 +43,7 @@ class Row:
     Attributes:
         method: Name in `METHODS`.
         title: For people.
-        labels: What it was told, see `cross_validation.GIVEN`.
+        labels: What it was told, see `baseline.GIVEN`.
         seeds: How many were run.
         macro_mean: Macro squared error, mean over seeds.
         macro_std: Its standard deviation over seeds; None with one seed.

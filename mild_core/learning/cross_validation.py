@@ -15,7 +15,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from mild_core.errors import unknown_name
-from mild_core.learning.baseline import Recognising
+from mild_core.learning.baseline import GIVEN, UNKNOWN
 from mild_core.learning.configuration import Configuration
 from mild_core.learning.datasets import recording_named
 from mild_core.learning.evaluation import TrialErrors, errors_of_trial
@@ -23,12 +23,8 @@ from mild_core.learning.folds import FOLDS, folds_of
 from mild_core.learning.methods import METHODS, method_for
 from mild_core.learning.model_predictor import ModelPredictor
 from mild_core.learning.recording import Demonstrations
-from mild_core.learning.run_time import HeldOut, watch
+from mild_core.learning.run_time import HeldOut, run_trial, tellings, watch
 from mild_core.learning.windows import protocol_named
-
-GIVEN, RECOGNISED, UNKNOWN, STARTED = "given", "recognised", "unknown", "given, start pose"
-"""What a method is told: the interaction's name, that it has to find it out, nothing and it never asks, or its name
-and where the robot stood before."""
 
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Each worker is one thread: the cores are used by the workers, and figures do not depend on how many there are."""
@@ -108,18 +104,18 @@ def run_job(job: Job) -> Result:
     begin = time.perf_counter()
     predictor = method.fit(fold.learned, protocol, job.seed)
     seconds = time.perf_counter() - begin
-    answers = ((trial, predictor.predict(trial)) for trial in fold.held_out)
-    told = GIVEN if method.told else UNKNOWN
-    errors = {told: tuple(errors_of_trial(trial, protocol, answer) for trial, answer in answers)}
-    if isinstance(predictor, Recognising):
-        answers = ((trial, predictor.predict_recognised(trial)) for trial in fold.held_out)
-        errors[RECOGNISED] = tuple(errors_of_trial(trial, protocol, answer) for trial, answer in answers)
-    if not isinstance(predictor, ModelPredictor):
-        return Result(job, errors, seconds)
-    if predictor.model.start_pose is not None:
-        answers = ((trial, predictor.predict_started(trial)) for trial in fold.held_out)
-        errors[STARTED] = tuple(errors_of_trial(trial, protocol, answer) for trial, answer in answers)
-    return Result(job, errors, seconds, tuple(watch(predictor, trial, job.fold) for trial in fold.held_out))
+    trials, held_out = fold.held_out, list[HeldOut]()
+    if isinstance(predictor, ModelPredictor):
+        runs = [run_trial(predictor, trial) for trial in trials]
+        held_out = [watch(predictor, trial, run, job.fold) for trial, run in zip(trials, runs, strict=True)]
+        predicted = {told: [run[told].predicted for run in runs] for told in tellings(predictor)}
+    else:
+        predicted = {GIVEN if method.told else UNKNOWN: [predictor.predict(trial) for trial in trials]}
+    errors = {
+        told: tuple(errors_of_trial(trial, protocol, one) for trial, one in zip(trials, answers, strict=True))
+        for told, answers in predicted.items()
+    }
+    return Result(job, errors, seconds, tuple(held_out))
 
 
 @contextmanager

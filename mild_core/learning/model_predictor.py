@@ -48,14 +48,6 @@ class ModelPredictor:
         """With the interaction given (see `Predictor`)."""
         return self.answers(demonstration, demonstration.interaction).predicted
 
-    def predict_recognised(self, demonstration: Demonstration) -> FloatArray:
-        """With the interaction recognised as the trial goes on (see `Recognising`)."""
-        return self.answers(demonstration, AUTO).predicted
-
-    def predict_started(self, demonstration: Demonstration) -> FloatArray:
-        """With the interaction given, and where the robot stood at the start."""
-        return self.answers(demonstration, demonstration.interaction, started=True).predicted
-
     def answers(self, demonstration: Demonstration, interaction: str, *, started: bool = False) -> Answers:
         """All that inference says of a trial.
 

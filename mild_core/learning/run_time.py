@@ -9,10 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mild_core.learning.baseline import GIVEN, RECOGNISED, STARTED
 from mild_core.learning.calibration import Calibration, Doubt, calibrate
 from mild_core.learning.demonstration import Demonstration
 from mild_core.learning.evaluation import errors_of_trial
-from mild_core.learning.model_predictor import AUTO, ModelPredictor
+from mild_core.learning.model_predictor import AUTO, Answers, ModelPredictor
 from mild_core.learning.novelty import SETTLED_S
 from mild_core.learning.windows import cut, onset_window
 from mild_core.shapes import FloatArray
@@ -64,15 +65,29 @@ class RunTime:
     calibrations: tuple[Calibration, ...]
 
 
-def watch(predictor: ModelPredictor, trial: Demonstration, fold: int) -> HeldOut:
-    """Run a trial twice, the interaction unknown and given.
+def tellings(predictor: ModelPredictor) -> tuple[str, ...]:
+    """All that a model can be told, see `baseline.GIVEN`."""
+    return (GIVEN, RECOGNISED) if predictor.model.start_pose is None else (GIVEN, RECOGNISED, STARTED)
+
+
+def run_trial(predictor: ModelPredictor, trial: Demonstration) -> dict[str, Answers]:
+    """Run a held-out trial by the run-time stage, once for each of `tellings`."""
+    return {
+        told: predictor.answers(trial, AUTO if told == RECOGNISED else trial.interaction, started=told == STARTED)
+        for told in tellings(predictor)
+    }
+
+
+def watch(predictor: ModelPredictor, trial: Demonstration, run: Mapping[str, Answers], fold: int) -> HeldOut:
+    """What is reported of a run beside its errors.
 
     Args:
         predictor: What was learned without the trial.
         trial: Which.
+        run: What `run_trial` says of it.
         fold: In which it is held out.
     """
-    free, told = predictor.answers(trial, AUTO), predictor.answers(trial, trial.interaction)
+    told, free = run[GIVEN], run[RECOGNISED]
     last = len(free.interactions) - 1
     named = [free.interactions[min(last, onset_window(trial, predictor.protocol, s))] for s in AFTER_S]
     settled = min(last, onset_window(trial, predictor.protocol, SETTLED_S))

@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from mild_core.inference.model import load_model
-from mild_core.learning.cross_validation import RECOGNISED, STARTED, UNKNOWN
+from mild_core.learning.baseline import RECOGNISED, STARTED, UNKNOWN
 from mild_core.learning.evaluation import errors_of_trial
 from mild_core.learning.latent_view import latent_track
 from mild_core.learning.model_predictor import ModelPredictor

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from mild_core.learning import presets
-from mild_core.learning.cross_validation import GIVEN, RECOGNISED, STARTED, Job, run_job
+from mild_core.learning.baseline import GIVEN, RECOGNISED, STARTED
+from mild_core.learning.cross_validation import Job, run_job
 from mild_core.learning.learned_model import learn
 from mild_core.learning.methods import METHODS
 from mild_core.learning.windows import PROTOCOLS, cut
@@ -49,3 +50,11 @@ def test_one_training_gives_the_row_with_labels_and_the_row_without(tmp_path, me
         assert [one.trial for one in errors] == [1, 5]
         assert all(len(one.squared) == 120 - 79 and np.isfinite(one.squared).all() for one in errors)
     assert METHODS[method].seeded
+
+
+def test_a_fold_that_no_trial_falls_into_has_rows_without_errors(tmp_path):
+    tracks = [0.3 * np.sin(np.linspace(index, 6 + index, 120))[:, None] * np.ones(16) for index in range(6)]
+    path = write(tmp_path / "a.npz", tracks, [one_hot(index // 3, 120) for index in range(6)])
+    result = run_job(Job("buetepage_hr", path, "ahead", "mild", fold=3, seed=0))
+    assert result.errors == {GIVEN: (), RECOGNISED: (), STARTED: ()}
+    assert result.held_out == ()

@@ -59,7 +59,7 @@ def test_a_start_that_is_known_makes_a_new_trial_better_answered(number):
 
 
 def test_torch_and_the_stage_displace_alike(trained, model):
-    predicted = ModelPredictor(model, SAME_SECOND).predict_started(TRIALS[3])
+    predicted = ModelPredictor(model, SAME_SECOND).answers(TRIALS[3], TWO[0], started=True).predicted
     np.testing.assert_allclose(predicted, trained.predict(TRIALS[3], started=True), atol=1e-3)
 
 
