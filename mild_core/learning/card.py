@@ -20,7 +20,7 @@ LIMITS = """\
 - Not for a robot near people without the protections that its operator is bound to by law and by the robot's maker.
 """
 BESIDE = """ \
-Beside them answers a reservoir, whose units remember the last seconds."""
+Beside that answers a reservoir, whose units remember the last seconds."""
 BRANCH = """
 - Angles are scored and given in one branch: the fifth joint of hand waving is unwrapped by a turn (same pose)."""
 """Of the one recording in which that is so."""
@@ -43,7 +43,7 @@ def model_card(manifest: Manifest, recording: Recording, retrain: str) -> str:
         f"{_sentence(protocol.meaning)} Windows of {manifest.window} frames at {manifest.rate_hz:g} Hz; protocol "
         f"`{manifest.protocol}`. Variational autoencoders of person and robot ({manifest.latent_size} dimensions each) "
         f"with a {manifest.prior.kind.upper()} of {manifest.prior.components} components per interaction between them; "
-        f"members whose answers are averaged: {len(manifest.members)}.{beside}\n",
+        f"{_members(len(manifest.members))}.{beside}\n",
         "## Intended use\n",
         f"{_moves(manifest)} in answer to a person's {manifest.observed.side} arm "
         f"({', '.join(manifest.observed.joint_names)}), in research and teaching, through this package's retargeting. "
@@ -151,6 +151,11 @@ def _spread(row: Mapping[str, Any]) -> str:
 
 def _listed(values: object) -> str:
     return ", ".join(str(value) for value in values) if isinstance(values, Sequence) else str(values)
+
+
+def _members(number: int) -> str:
+    """How many networks answer."""
+    return "one network of each" if number == 1 else f"{number} networks of each, whose answers are averaged"
 
 
 def _sentence(text: str) -> str:
