@@ -3,7 +3,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass, field, replace
+
+WARM_UP_EPOCHS = 10
+LEAST_RATE = 0.02
+"""Share of the learning rate that the last epochs still have."""
 
 
 @dataclass(frozen=True)
@@ -195,8 +200,8 @@ class TrainingSettings:
         members: Networks trained from different seeds, whose answers are averaged.
         evidence_per_s: Windows per second that recognition counts in full.
         evidence_kept_per_s: Share of what recognition has seen that still counts a second later.
-        patience: Epochs without a better error on held-out trials after which the number of epochs is found, see
-            `stopping`; 0: it is `epochs`.
+        doublings: How often `epochs` is halved for the first of the trainings that find out how many epochs are
+            enough, see `stopping`; 0: it is `epochs`.
     """
 
     architecture: Architecture = field(default_factory=Architecture)
@@ -221,7 +226,7 @@ class TrainingSettings:
     members: int = 1
     evidence_per_s: float = 4.0
     evidence_kept_per_s: float = 0.67
-    patience: int = 0
+    doublings: int = 0
 
     def __post_init__(self) -> None:
         through = self.weights.prediction > 0.0 or bool(self.architecture.context)
@@ -232,5 +237,18 @@ class TrainingSettings:
             raise ValueError("'context' is a source here, but the context has no sources itself")
         if not (self.evidence_per_s > 0.0 and 0.0 < self.evidence_kept_per_s <= 1.0):
             raise ValueError("evidence_per_s must be above 0, evidence_kept_per_s above 0 and at most 1")
+        if self.doublings < 0:
+            raise ValueError("doublings must be 0 or more")
         if self.start_pose and self.reservoir is None:
             raise ValueError("start_pose is learned from what a reservoir errs in, and there is none: reservoir = true")
+
+    def lasting(self, epochs: int) -> TrainingSettings:
+        """The same for another number of epochs; the human's networks alone have the same share of them."""
+        return replace(self, epochs=epochs, observed_epochs=round(self.observed_epochs * epochs / self.epochs))
+
+    def learning_rate_in(self, epoch: int) -> float:
+        """That of the optimiser in an epoch, counted from 0."""
+        if not self.decaying:
+            return self.learning_rate
+        falling = 0.5 * (1.0 + math.cos(math.pi * epoch / self.epochs)) + LEAST_RATE
+        return self.learning_rate * (min(1.0, (epoch + 1) / WARM_UP_EPOCHS) * falling)

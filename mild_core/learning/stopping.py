@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """When to stop: how many epochs trials that are not learned from call for.
 
-A first network learns from all folds but one and is asked about that one after every epoch, until its error has
-levelled off. The members then learn from all trials, for as many epochs as were best: so their learning rate falls to
-zero as it should, and no trial is lost.
+A network learns from all folds but one, for few epochs, and is asked about that one; then another for twice as many,
+until twice as many make the error no smaller: it has levelled off. The members then learn from all trials for as many
+epochs as were enough. Each of these trainings is a whole one, whose learning rate falls to zero: watched within one
+long training, the error seems to level off while the rate is high, and who stops there errs an eighth more.
 """
 
 from __future__ import annotations
@@ -21,18 +22,15 @@ LEAST_GAIN = 0.01
 """Share by which an error must fall to be a better one: less is chance."""
 
 
-def best_epoch(errors: Sequence[float]) -> int:
-    """Number of epochs, from 1, after which no clearly better error came."""
-    best, epochs = float("inf"), 1
-    for epoch, error in enumerate(errors):
-        if error < best * (1.0 - LEAST_GAIN):
-            best, epochs = error, epoch + 1
-    return epochs
+def lengths(epochs: int, doublings: int) -> tuple[int, ...]:
+    """Numbers of epochs to try, each twice the one before, the last one `epochs`; none of no doublings."""
+    shorter = {max(1, round(epochs / 2**n)) for n in range(doublings + 1)}
+    return tuple(sorted(shorter)) if doublings else ()
 
 
-def levelled_off(errors: Sequence[float], patience: int) -> bool:
-    """Whether the best of `errors`, one for each epoch, is `patience` epochs old."""
-    return len(errors) > 0 and len(errors) - best_epoch(errors) >= patience
+def levelled_off(errors: Sequence[float]) -> bool:
+    """Whether the last of `errors`, each after twice as many epochs, is no clearly better one."""
+    return len(errors) > 1 and not errors[-1] < errors[-2] * (1.0 - LEAST_GAIN)
 
 
 def validation_error(learner: Learner, objective: Objective, held_out: Corpus) -> float:

@@ -34,7 +34,7 @@ from mild_core.learning.reservoir_trials import STRIDE
 from mild_core.learning.settings import Augmentation, TrainingSettings
 from mild_core.learning.snapshot import Learner, Snapshot
 from mild_core.learning.start_pose import fit_start_pose
-from mild_core.learning.stopping import best_epoch, levelled_off, validation_error
+from mild_core.learning.stopping import lengths, levelled_off, validation_error
 from mild_core.learning.trained import TrainedMember, TrainedModel
 from mild_core.learning.vae import MemberNetworks
 from mild_core.learning.windows import Protocol
@@ -42,9 +42,8 @@ from mild_core.learning.windows import Protocol
 UNBENT = Augmentation(1, 0.0, 0.0, 2, 0.0, 0.0, 0.0)
 """Trials as recorded, as an augmentation."""
 
-WARM_UP_EPOCHS = 10
-LEAST_RATE = 0.02
-"""Share of the learning rate that the last epochs still have."""
+LOOKING = -1
+"""Number of the members that look for the number of epochs, in what seeds their draws."""
 
 
 @dataclass(frozen=True)
@@ -52,8 +51,8 @@ class EpochReport:
     """How one epoch of one member went.
 
     Attributes:
-        member: Its number, from 0; with `patience` the first is the one that looks for the number of epochs.
-        members: How many there will be, that one included.
+        member: Its number, from 0; with `doublings` the first are those that look for the number of epochs.
+        members: How many there will be at most, those included.
         epoch: Its number, from 0.
         epochs: How many there will be.
         prediction: Mean error of the robot's window given the human's; see `objective.Terms` for all four.
@@ -62,7 +61,7 @@ class EpochReport:
         divergence: Mean divergence of both posteriors from the prior [nats].
         log_likelihood: Of the latents under the prior, by step [nats]; NaN while the prior is not re-estimated.
         snapshot: What to go on from after it.
-        validation: Error of prediction on the trials held out; NaN where none are.
+        validation: Error of prediction on the trials held out, after the last epoch; else NaN.
     """
 
     member: int
@@ -106,28 +105,21 @@ def train(
 
     Raises:
         ValueError, KeyError, RuntimeError: There is no demonstration, or a snapshot is of something else.
-        DatasetError: One is too short for the prior's components; with `patience` there are too few to hold some out.
+        DatasetError: One is too short for the prior's components; with `doublings` there are too few to hold some out.
 
     Source: Algorithm 1 of MILD.
     """
     interactions = tuple(interactions or dict.fromkeys(d.interaction for d in demonstrations))
     _require_length(demonstrations, protocol, settings)
-    corpus, members, before = corpus_of(demonstrations, protocol, interactions), [], int(settings.patience > 0)
-    for number in range(-before, settings.members):
-        trials, held_out = corpus, None
-        if number < 0:  # the one that looks for the number of epochs
-            require_folds(demonstrations, interactions)
-            fold = folds_of(demonstrations)[0]
-            trials, held_out = (corpus_of(part, protocol, interactions) for part in (fold.learned, fold.held_out))
-        learner, objective = _learner(trials, settings, seed, number, start or {})
-        if number + before < len(resume):
-            learner.go_on_from(resume[number + before], settings, interactions)
-        for report in _epochs(trials, objective, learner, seed, number, held_out):
-            yield replace(report, member=number + before, members=settings.members + before)
-        if held_out is None:
-            members.append(_trained(corpus, objective, learner, seed, number))
-        else:
-            settings = replace(settings, epochs=best_epoch(learner.validation))
+    corpus, members, before = corpus_of(demonstrations, protocol, interactions), [], 0
+    if settings.doublings:
+        require_folds(demonstrations, interactions)
+        settings, before = yield from _long_enough(demonstrations, corpus, settings, seed, start or {}, resume)
+    for number in range(settings.members):
+        learner, objective = _learner(corpus, settings, (seed, number), start or {}, resume[before + number :])
+        for report in _epochs(corpus, objective, learner, (seed, number)):
+            yield replace(report, member=before + number, members=before + settings.members)
+        members.append(_trained(corpus, objective, learner, seed, number))
     beside, start_pose = _beside(demonstrations, protocol, interactions, settings, seed)
     return TrainedModel(corpus.protocol, settings, seed, interactions, tuple(members), beside, start_pose)
 
@@ -163,13 +155,39 @@ def _require_length(demonstrations: Sequence[Demonstration], protocol: Protocol,
             raise DatasetError(thing, problem, "leave it out or train with fewer components or a smaller stride")
 
 
+def _long_enough(
+    demonstrations: Sequence[Demonstration],
+    corpus: Corpus,
+    settings: TrainingSettings,
+    seed: int,
+    start: Mapping[str, NDArray[Any]],
+    resume: Sequence[Snapshot],
+) -> Generator[EpochReport, None, tuple[TrainingSettings, int]]:
+    """Settings with as many epochs as make one fold's error level off, and how many learners that took."""
+    fold, errors = folds_of(demonstrations)[0], list[float]()
+    parts = (corpus_of(part, corpus.protocol, corpus.interactions) for part in (fold.learned, fold.held_out))
+    (learned, held_out), tried = parts, lengths(settings.epochs, settings.doublings)
+    for place, epochs in enumerate(tried):
+        learner, objective = _learner(learned, settings.lasting(epochs), (seed, LOOKING), start, resume[place:])
+        for report in _epochs(learned, objective, learner, (seed, LOOKING), held_out):
+            yield replace(report, member=place, members=len(tried) + settings.members)
+        errors += learner.validation
+        if levelled_off(errors):
+            return settings.lasting(tried[place - 1]), place + 1
+    return settings, len(tried)
+
+
 def _learner(
-    corpus: Corpus, settings: TrainingSettings, seed: int, member: int, start: Mapping[str, NDArray[Any]]
+    corpus: Corpus,
+    settings: TrainingSettings,
+    draws: tuple[int, int],
+    start: Mapping[str, NDArray[Any]],
+    resume: Sequence[Snapshot],
 ) -> tuple[Learner, Objective]:
-    """A member before its first epoch, and what it shall minimise."""
+    """A member before its first epoch or as the first of `resume` has it, and what it shall minimise."""
     question, answer = window_coordinates(corpus, settings)
     labels = len(corpus.interactions)
-    with drawing_from(seed, member):
+    with drawing_from(*draws):
         networks = MemberNetworks(
             settings.architecture, question.size, answer.size, labels, settings.prior.components, settings.dropout
         )
@@ -177,24 +195,25 @@ def _learner(
     carry_over(networks, start)
     rate, decay = settings.learning_rate, settings.weight_decay
     optimiser = torch.optim.AdamW(networks.parameters(), lr=rate, weight_decay=decay, fused=True)
-    return Learner(networks, optimiser), Objective(settings, question, answer, labels)
+    learner = Learner(networks, optimiser)
+    if resume:
+        learner.go_on_from(resume[0], settings, corpus.interactions)
+    return learner, Objective(settings, question, answer, labels)
 
 
 def _epochs(
-    corpus: Corpus, objective: Objective, learner: Learner, seed: int, number: int, held_out: Corpus | None
+    corpus: Corpus, objective: Objective, learner: Learner, draws: tuple[int, int], held_out: Corpus | None = None
 ) -> Iterator[EpochReport]:
-    """The epochs of one learner, until they are done or the error on `held_out` has levelled off."""
+    """The epochs of one learner that are not done yet; after the last it is asked about `held_out`."""
     settings, networks = objective.settings, learner.networks
     frozen = round(settings.prior.frozen_from * settings.epochs)
     for epoch in range(learner.epochs, settings.epochs):
-        if held_out is not None and levelled_off(learner.validation, settings.patience):
-            return
         if epoch == settings.observed_epochs and epoch:
             networks.start_controlled_from_observed()
             learner.fitted = None
         for group in learner.optimiser.param_groups:
-            group["lr"] = settings.learning_rate * _rate(settings, epoch)
-        with drawing_from(seed, number, epoch):
+            group["lr"] = settings.learning_rate_in(epoch)
+        with drawing_from(*draws, epoch):
             terms = _pass(learner, objective, corpus, epoch < settings.observed_epochs)
         log_likelihood = math.nan
         due = epoch % settings.prior.every == 0 or epoch == settings.observed_epochs or epoch >= frozen - 1
@@ -203,11 +222,11 @@ def _epochs(
         if settings.averaging and epoch >= frozen:
             learner.average_in(settings.averaging)
         learner.epochs, validation = epoch + 1, math.nan
-        if held_out is not None:
+        if held_out is not None and learner.epochs == settings.epochs:
             validation = validation_error(learner, objective, held_out)
             learner.validation.append(validation)
         snapshot = learner.snapshot()
-        yield EpochReport(number, 0, epoch, settings.epochs, *terms, log_likelihood, snapshot, validation)
+        yield EpochReport(0, 0, epoch, settings.epochs, *terms, log_likelihood, snapshot, validation)
 
 
 def _trained(corpus: Corpus, objective: Objective, learner: Learner, seed: int, number: int) -> TrainedMember:
@@ -228,14 +247,6 @@ def _recogniser(corpus: Corpus, settings: TrainingSettings) -> Recogniser | None
         return None
     epochs = round(settings.recogniser.epochs * settings.epochs)
     return train_recogniser(corpus, settings.recogniser, settings.augmentation or UNBENT, epochs)
-
-
-def _rate(settings: TrainingSettings, epoch: int) -> float:
-    """Share of the learning rate in an epoch."""
-    if not settings.decaying:
-        return 1.0
-    falling = 0.5 * (1.0 + math.cos(math.pi * epoch / settings.epochs)) + LEAST_RATE
-    return min(1.0, (epoch + 1) / WARM_UP_EPOCHS) * falling
 
 
 def window_coordinates(corpus: Corpus, settings: TrainingSettings) -> tuple[Coordinates, Coordinates]:

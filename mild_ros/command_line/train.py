@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import math
 import subprocess
 from contextlib import suppress
 from dataclasses import replace
@@ -55,8 +56,8 @@ def train(
     seed: Annotated[int | None, typer.Option(help="Another seed of all draws [default: the configuration's].")] = None,
     epochs: Annotated[int, typer.Option(min=0, help="Another number of epochs; 0: the configuration's.")] = 0,
     members: Annotated[int, typer.Option(min=0, help="Another number of networks; 0: the configuration's.")] = 0,
-    patience: Annotated[
-        int, typer.Option(min=0, help="Epochs without a better error after which to stop; 0: the configuration's.")
+    doublings: Annotated[
+        int, typer.Option(min=0, help="Halve the epochs so often, double while that helps; 0: the configuration's.")
     ] = 0,
     errors: Annotated[
         Path | None,
@@ -85,10 +86,10 @@ def train(
 
         mild train --dataset my_trials --out my_model
 
-    How many epochs are enough: with --patience 30 (`patience` of a configuration) a first network learns from three
-    folds of four and is asked about the fourth after every epoch; when its error has not fallen by a hundredth for 30
-    epochs it has levelled off. The model then learns from all trials for as many epochs as were best; its card says
-    how many.
+    How many epochs are enough: with --doublings 3 (`doublings` of a configuration) a network learns from three folds
+    of four for an eighth of the epochs and is asked about the fourth, then another for twice as many, and so on, until
+    twice as many make the error less than a hundredth smaller: it has levelled off. The model then learns from all
+    trials for as many epochs as were enough; its card says how many.
 
     The folder then works wherever a model is named: `ros2 run mild_ros pipeline --ros-args -p model:=my_model`. Without
     --errors the uncertainty is measured on the training trials themselves and so too small; the card says so.
@@ -98,7 +99,7 @@ def train(
     """
     from mild_core.learning.datasets import recording_named
 
-    asked = _asked(config, dataset, seed, {"epochs": epochs, "members": members, "patience": patience})
+    asked = _asked(config, dataset, seed, {"epochs": epochs, "members": members, "doublings": doublings})
     settings, recording = asked.settings, recording_named(asked.dataset, data)
     measured = _measured(errors, asked, recording)
     trials = _trials(recording, data or recording.default_path())
@@ -106,7 +107,7 @@ def train(
     trained, checkpoint = _learned(trials, asked, recording, out)
     chosen = [f"--config {config or LIVE}"] * bool(config or not dataset) + [f"--dataset {dataset}"] * bool(dataset)
     command = f"mild train {' '.join(chosen)} --seed {asked.seed} --epochs {settings.epochs}"
-    command += f" --members {settings.members}" + (f" --patience {patience}" if patience else "") + f" --out {out}"
+    command += f" --members {settings.members}" + (f" --doublings {doublings}" if doublings else "") + f" --out {out}"
     command += f" --errors {errors}" if errors else ""
     _write(out, trained, trials, (asked, recording), measured, command)
     checkpoint.remove()
@@ -118,12 +119,13 @@ def _learned(
     """The interactions that the trials show, learned from the beginning or from where it was interrupted."""
     from mild_core.learning.carry_over import start_of
     from mild_core.learning.checkpoint import FOLDER, Checkpoint, identity
+    from mild_core.learning.stopping import lengths
     from mild_core.learning.training import train as train_model
 
     protocol, settings, start = recording.protocols[asked.protocol], asked.settings, start_of(asked)
     checkpoint = Checkpoint(out / FOLDER, identity(trials, protocol, settings, asked.seed, start))
     shown = tuple(name for name in recording.interactions if any(trial.interaction == name for trial in trials))
-    resume = checkpoint.read(settings.members + (settings.patience > 0))
+    resume = checkpoint.read(settings.members + len(lengths(settings.epochs, settings.doublings)))
     epochs = train_model(trials, protocol, settings, asked.seed, shown, start, resume)
     return _finished(epochs, checkpoint), checkpoint
 
@@ -203,8 +205,8 @@ def _with_progress(epochs: Generator[EpochReport, None, TrainedModel], checkpoin
                 return trained
             checkpoint.write(report.member, report.snapshot)
             losses = f"prediction {report.prediction:.4f} human {report.observed:.4f} robot {report.controlled:.4f}"
-            if report.validation == report.validation:
-                losses = f"held out {report.validation:.4f} " + losses
+            if not math.isnan(report.validation):
+                progress.console.print(f"{report.epochs} epochs: error on held-out trials {report.validation:.4f}")
             text = f"network {report.member + 1}/{report.members} epoch {report.epoch + 1}: {losses}"
             done, total = report.member * report.epochs + report.epoch + 1, report.members * report.epochs
             progress.update(task, completed=done, total=total, description=f"{text} KL {report.divergence:.2f}")
@@ -246,7 +248,7 @@ def _write(
 
 def _about(trained: TrainedModel, asked: Configuration, recording: Recording, trials: int) -> dict[str, Any]:
     """What the manifest says of a training, for people."""
-    stopped = f"levelled off, of at most {asked.settings.epochs}" if asked.settings.patience else "as configured"
+    stopped = f"levelled off, of at most {asked.settings.epochs}" if asked.settings.doublings else "as configured"
     return {
         "dataset": recording.name,
         "licence": recording.licence,

@@ -11,59 +11,75 @@ from mild_core.errors import DatasetError
 from mild_core.learning import stopping
 from mild_core.learning.learned_model import finished
 from mild_core.learning.presets import PRESETS
-from mild_core.learning.stopping import best_epoch, levelled_off
+from mild_core.learning.stopping import lengths, levelled_off
 from mild_core.learning.training import train
 from mild_core.learning.windows import PROTOCOLS
 from test.core.learning.made_trials import made_trials
 from test.core.learning.small_settings import SMALL
 
 TRIALS, SAME = made_trials(each=4, frames=130), PROTOCOLS["same"]
-SETTINGS = replace(SMALL, epochs=12, recogniser=None, learning_rate=0.03, decaying=False, patience=1)
+SETTINGS = replace(SMALL, epochs=12, recogniser=None, learning_rate=0.03, doublings=2)
 
 
 @pytest.mark.parametrize(
-    ("errors", "best", "over"),
+    ("epochs", "doublings", "tried"),
+    [(360, 0, ()), (360, 3, (45, 90, 180, 360)), (12, 2, (3, 6, 12)), (2, 5, (1, 2)), (1, 1, (1,))],
+)
+def test_each_training_is_twice_as_long_as_the_one_before(epochs, doublings, tried):
+    assert lengths(epochs, doublings) == tried
+
+
+@pytest.mark.parametrize(
+    ("errors", "over"),
     [
-        ([], 1, False),
-        ([0.5], 1, False),
-        ([0.5, 0.4, 0.3], 3, False),
-        ([0.5, 0.4, 0.41, 0.399], 2, True),  # a quarter of a per cent is chance
-        ([0.5, 0.4, 0.41, 0.39], 4, False),
-        ([math.nan, math.nan, math.nan], 1, True),
+        ([], False),
+        ([0.5], False),
+        ([0.5, 0.4], False),
+        ([0.5, 0.4, 0.399], True),  # a quarter of a per cent is chance
+        ([0.5, 0.6], True),
+        ([0.5, math.nan], True),
     ],
 )
-def test_an_error_has_levelled_off_when_no_clearly_better_one_comes(errors, best, over):
-    assert best_epoch(errors) == best
-    assert levelled_off(errors, 2) is over
+def test_an_error_has_levelled_off_when_twice_as_long_makes_it_no_smaller(errors, over):
+    assert levelled_off(errors) is over
 
 
-def test_the_members_learn_from_all_trials_for_as_long_as_was_best_for_one_fold(monkeypatch):
-    monkeypatch.setattr(stopping, "LEAST_GAIN", 0.1)  # reached within a dozen epochs
-    epochs, reports = train(TRIALS, SAME, SETTINGS, 3), []
+def reports_and_model(settings, resume=()):
+    epochs, reports = train(TRIALS, SAME, settings, 3, resume=resume), []
     while True:
         try:
             reports.append(next(epochs))
         except StopIteration as end:
-            model = end.value
-            break
-    watched = [report.validation for report in reports if report.member == 0]
-    assert {report.members for report in reports} == {2}
-    assert all(math.isnan(report.validation) for report in reports if report.member == 1)
-    assert 0.0 < min(watched) < watched[0]
-    assert len(watched) < SETTINGS.epochs
-    assert model.settings.epochs == best_epoch(watched) == len(watched) - SETTINGS.patience
-    assert len(reports) == len(watched) + model.settings.epochs
-    told = finished(train(TRIALS, SAME, replace(SETTINGS, epochs=model.settings.epochs, patience=0), 3))
+            return reports, end.value
+
+
+@pytest.mark.parametrize(("least_gain", "looked", "enough"), [(-10.0, 3, 12), (0.9, 2, 3)])
+def test_the_members_learn_from_all_trials_for_as_long_as_was_enough_for_one_fold(
+    monkeypatch, least_gain, looked, enough
+):
+    monkeypatch.setattr(stopping, "LEAST_GAIN", least_gain)
+    reports, model = reports_and_model(SETTINGS)
+    asked = [report for report in reports if not math.isnan(report.validation)]
+    assert [(report.member, report.epochs) for report in asked] == list(enumerate((3, 6, 12)[:looked]))
+    assert all(report.validation > 0.0 and report.epoch == report.epochs - 1 for report in asked)
+    assert model.settings.epochs == enough
+    assert len(reports) == sum((3, 6, 12)[:looked]) + enough
+    assert {report.members for report in reports[-enough:]} == {looked + 1}
+    told = finished(train(TRIALS, SAME, replace(SETTINGS, epochs=enough, doublings=0), 3))
     for name, value in told.members[0].networks.state_dict().items():
         assert torch.equal(value, model.members[0].networks.state_dict()[name]), name
-    # Interrupted while it looked, and again after.
-    for stop in (2, len(watched) + 1):
-        kept, again = {}, train(TRIALS, SAME, SETTINGS, 3)
-        for _ in range(stop):
-            report = next(again)
-            kept[report.member] = report.snapshot
-        found = finished(train(TRIALS, SAME, SETTINGS, 3, resume=list(kept.values())))
+    # Interrupted while the first looked, between two, and while the member learned.
+    for stop in (2, 3, len(reports) - 1):
+        kept = {report.member: report.snapshot for report in reports_until(stop)}
+        again, found = reports_and_model(SETTINGS, list(kept.values()))
+        assert len(again) == len(reports) - stop
         assert torch.equal(found.members[0].prior.means, model.members[0].prior.means)
+
+
+def reports_until(stop):
+    """As an interrupted training gives them: what is trained further changes no snapshot that was written."""
+    epochs = train(TRIALS, SAME, SETTINGS, 3)
+    return [next(epochs) for _ in range(stop)]
 
 
 def test_too_few_trials_to_hold_some_out_are_refused():
@@ -72,4 +88,4 @@ def test_too_few_trials_to_hold_some_out_are_refused():
 
 
 def test_the_papers_preset_runs_all_its_epochs():
-    assert PRESETS["paper"].patience == 0
+    assert PRESETS["paper"].doublings == 0
