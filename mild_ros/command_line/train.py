@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from mild_core.learning.configuration import Configuration
     from mild_core.learning.demonstration import Demonstration
     from mild_core.learning.recording import Recording
+    from mild_core.learning.settings import TrainingSettings
     from mild_core.learning.trained import TrainedModel
     from mild_core.learning.training import EpochReport
 
@@ -246,9 +247,15 @@ def _write(
     typer.echo(f"written: {out} ({sum(file.stat().st_size for file in out.iterdir()) / 1e6:.1f} MB)")
 
 
+def _stopped(epochs: int, asked: TrainingSettings) -> str:
+    """Why each network learned for so many epochs."""
+    if not asked.doublings:
+        return "as configured"
+    return f"levelled off, of at most {asked.epochs}" if epochs < asked.epochs else "the most allowed: not levelled off"
+
+
 def _about(trained: TrainedModel, asked: Configuration, recording: Recording, trials: int) -> dict[str, Any]:
     """What the manifest says of a training, for people."""
-    stopped = f"levelled off, of at most {asked.settings.epochs}" if asked.settings.doublings else "as configured"
     return {
         "dataset": recording.name,
         "licence": recording.licence,
@@ -257,7 +264,7 @@ def _about(trained: TrainedModel, asked: Configuration, recording: Recording, tr
         "seeds": [trained.seed],
         "epochs": trained.settings.epochs,
         "reservoir_units": 0 if trained.reservoir is None else len(trained.reservoir.leak),
-        "stopped": stopped,
+        "stopped": _stopped(trained.settings.epochs, asked.settings),
         "git_revision": _revision(),
         "configuration": asked.text,
     }

@@ -102,6 +102,23 @@ def test_a_folder_without_measured_errors_says_so(data, tmp_path):
     assert (manifest.training["seeds"], manifest.prior.kind, manifest.prior.components) == ([7], "hmm", 3)
 
 
+@pytest.mark.parametrize(
+    ("least_gain", "epochs", "why"),
+    [(0.99, 2, "levelled off, of at most 4"), (-10.0, 4, "the most allowed: not levelled off")],
+)
+def test_a_card_says_whether_the_error_levelled_off(tmp_path, monkeypatch, capsys, least_gain, epochs, why):
+    monkeypatch.setattr("mild_core.learning.stopping.LEAST_GAIN", least_gain)
+    tracks = [smooth_track(index, 320 + index) for index in range(6)]
+    path = write(tmp_path / "a.npz", tracks, [one_hot(index // 3, 320 + index) for index in range(6)])
+    (tmp_path / "mine.toml").write_text(MINE)
+    of, to = ("--data", str(path), "--epochs", "4", "--members", "1"), ("--out", str(tmp_path / "made"))
+    assert run("train", "--config", str(tmp_path / "mine.toml"), *of, "--doublings", "1", *to) == 0
+    assert "2 epochs: error on held-out trials " in capsys.readouterr().err
+    report = (tmp_path / "made" / "REPORT.md").read_text()
+    assert f"Epochs: {epochs} ({why})." in report
+    assert "--doublings 1" in report
+
+
 def test_a_partners_arm_is_learned_and_scored_in_metres(tmp_path, capsys):
     tracks = [np.tile(smooth_track(index, 60 + index)[:, :9], 2) for index in range(8)]
     data = write_people(tmp_path / "a.npz", tracks, [index // 2 for index in range(8)])

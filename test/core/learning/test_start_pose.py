@@ -109,6 +109,8 @@ def test_who_rests_less_and_less_ends_the_standing_without_a_jump(model):
     assert shares[0] == 1.0
     assert shares[-1] == 0.0
     assert np.abs(np.diff(shares)).max() < 0.5
+    drawn = np.array([told - untold for (untold, _), (told, _) in zip(*both, strict=True)])[:, 0]
+    assert np.abs(np.diff(drawn, axis=0)).max() < 0.5 * np.abs(drawn).max()
     near = [np.abs(motion[0] - trial.controlled[0]).max() for (motion, _) in (both[0][0], both[1][0])]
     assert near[1] < near[0]
 

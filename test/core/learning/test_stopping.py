@@ -77,7 +77,7 @@ def test_the_members_learn_from_all_trials_for_as_long_as_was_enough_for_one_fol
 
 
 def reports_until(stop):
-    """As an interrupted training gives them: what is trained further changes no snapshot that was written."""
+    """Of an interrupted training: the newest one of each member is where that one stood."""
     epochs = train(TRIALS, SAME, SETTINGS, 3)
     return [next(epochs) for _ in range(stop)]
 
