@@ -54,6 +54,61 @@ class SkeletonFrame:
         require_shape("confidence", self.confidence, (len(self.joint_names),))
 
 
+BODY_PARTS = (
+    "head",
+    "trunk",
+    "shoulders",
+    "left_upper_arm",
+    "left_forearm",
+    "right_upper_arm",
+    "right_forearm",
+    "left_thigh",
+    "left_shin",
+    "right_thigh",
+    "right_shin",
+)
+"""Segments of a body. A head is a short capsule or a ball, a forearm reaches to the finger tips, a shin to the foot."""
+
+WATCHED_PERSON = 0
+"""Number of the watched person among `BodySegments.people`; bystanders have larger ones."""
+
+
+@dataclass(frozen=True, eq=False)
+class BodySegments:
+    """Capsules around every body in view: what a robot must keep away from.
+
+    What is hidden is inferred from what is seen, or stays where it was last seen, with a larger radius. A segment that
+    cannot be inferred at all is left out, so every number here is finite.
+
+    Attributes:
+        people: N numbers: `WATCHED_PERSON`, or a bystander's own, which stays theirs while they are in view.
+        parts: N names of `BODY_PARTS`.
+        ends_m: (N, 2, 3) ends of the axis of each capsule, the one nearer to the trunk's middle first.
+        velocities_m_s: (N, 2, 3) of these ends; zero where unknown.
+        radii_m: (N,) with what is not known of the place and of the size.
+    """
+
+    people: tuple[int, ...]
+    parts: tuple[str, ...]
+    ends_m: FloatArray
+    velocities_m_s: FloatArray
+    radii_m: FloatArray
+
+    def __post_init__(self) -> None:
+        count = len(self.people)
+        if len(self.parts) != count:
+            raise ValueError(f"{len(self.parts)} parts of {count} segments")
+        for name, shape in (("ends_m", (count, 2, 3)), ("velocities_m_s", (count, 2, 3)), ("radii_m", (count,))):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+            require_shape(name, getattr(self, name), shape)
+
+
+NO_SEGMENTS = BodySegments((), (), np.zeros((0, 2, 3)), np.zeros((0, 2, 3)), np.zeros(0))
+"""Nobody is in view."""
+
+UNKNOWN_DIRECTION = read_only(np.full(3, np.nan))
+
+
 @dataclass(frozen=True, eq=False)
 class FeatureWindow:
     """The observed agent's last W frames at the model's rate.
@@ -89,6 +144,9 @@ class PersonPose:
         head_m: (3,) middle of the head.
         trunk_m: (2, 3) middle of the shoulders and of the hips.
             NaN stands in all of these for what was not seen.
+        segments: Everyone in view, bystanders too, in the same frame.
+        facing: (3,) unit vector to where the watched person's chest points; NaN when it is not known.
+        watched: Whether the watched person is in view and calibrated; otherwise only `segments` means something.
     """
 
     stamp_ns: int
@@ -96,9 +154,12 @@ class PersonPose:
     hand_m: FloatArray
     head_m: FloatArray
     trunk_m: FloatArray
+    segments: BodySegments = NO_SEGMENTS
+    facing: FloatArray = field(default_factory=lambda: UNKNOWN_DIRECTION)
+    watched: bool = True
 
     def __post_init__(self) -> None:
-        for name, shape in (("hand_m", (3,)), ("head_m", (3,)), ("trunk_m", (2, 3))):
+        for name, shape in (("hand_m", (3,)), ("head_m", (3,)), ("trunk_m", (2, 3)), ("facing", (3,))):
             object.__setattr__(self, name, read_only(getattr(self, name)))
             require_shape(name, getattr(self, name), shape)
 

@@ -56,10 +56,17 @@ def pytest_unconfigure(config: pytest.Config) -> None:
     shutil.rmtree(os.environ["ROS_LOG_DIR"], ignore_errors=True)
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--heavy", action="store_true", help="also run what takes minutes, or needs root or a compiler")
+
+
 @pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark what talks over DDS, before `-m` chooses by marks."""
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Mark what talks over DDS, before `-m` chooses by marks, and skip what is heavy unless it is asked for."""
+    skip = pytest.mark.skip(reason="heavy: ./mild test --heavy runs it")
     for item in items:
+        if "heavy" in item.keywords and not config.getoption("--heavy"):
+            item.add_marker(skip)
         if "ros_domain" in getattr(item, "fixturenames", ()):
             item.add_marker(pytest.mark.talks)
 
