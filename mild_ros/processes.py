@@ -105,7 +105,7 @@ class Nodes:
 
     def start(self, name: str, parameters: Mapping[str, object], topics: Mapping[str, str] | None = None) -> None:
         """Start the executable `name` of ours with these parameters, and with other names for its `topics`."""
-        words = [word for key, value in parameters.items() for word in ("-p", f"{key}:={_as_yaml(value)}")]
+        words = [word for key, value in parameters.items() for word in ("-p", f"{key}:={as_yaml(value)}")]
         words += [word for topic, other in (topics or {}).items() for word in ("-r", f"{topic}:={other}")]
         command = [sys.executable, "-m", f"mild_ros.{name}_node", "--ros-args", *words]
         with self._log(name).open("wb") as log:
@@ -181,12 +181,12 @@ def _interrupt(_number: int, _frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
-def _as_yaml(value: object) -> str:
+def as_yaml(value: object) -> str:
     """A value as ROS reads it: in its YAML a bare `y` is true, so texts have quotes."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, int | float):
         return repr(value)
     if isinstance(value, list | tuple):
-        return f"[{', '.join(_as_yaml(item) for item in value)}]"
+        return f"[{', '.join(as_yaml(item) for item in value)}]"
     return "'" + str(value).replace("'", "''") + "'"

@@ -13,8 +13,9 @@ import os
 import re
 import signal
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import fields
 from types import FrameType
 from typing import Any
 
@@ -39,6 +40,9 @@ LAST_DOMAIN = 232
 
 USAGE = "write --ros-args -p NAME:=VALUE -r TOPIC:=TOPIC"
 
+VALUE_FLAGS = ("-p", "--param", "-r", "--remap", "--log-level", "-e", "--enclave", "--params-file")
+"""Flags of `--ros-args` that take the next word."""
+
 SETUP_ERROR = 2
 """Exit code of a wrong set-up, as of a wrong command line."""
 
@@ -59,16 +63,19 @@ def run(name: str, make_node: Callable[[], Node], parameters: type[Any]) -> int:
         print(help_text(parameters))
         return 0
     with _Interruption() as interruption:
-        code = _run(name, make_node, interruption)
+        code = _run(name, make_node, interruption, tuple(entry.name for entry in fields(parameters)))
     sys.stdout.flush()
     sys.stderr.flush()
     # Everything is closed. To take the interpreter and its compiled libraries down would need another 0.6 s.
     os._exit(code)
 
 
-def _run(name: str, make_node: Callable[[], Node], interruption: _Interruption) -> int:
+def _run(
+    name: str, make_node: Callable[[], Node], interruption: _Interruption, parameter_names: Collection[str]
+) -> int:
     """The exit code, once all is over."""
     try:
+        check_words(sys.argv[1:], parameter_names)
         _start_ros()
         node = make_node()
         interruption.end_of_loading()
@@ -105,15 +112,39 @@ def giving_up(node: Node) -> Iterator[None]:
         give_up(node, error)
 
 
+def check_words(words: Sequence[str], parameter_names: Collection[str]) -> None:
+    """Refuse `NAME:=VALUE` without a flag: ROS takes it for another name of a topic and runs with the defaults.
+
+    Raises:
+        SetupError: Names the word and how to write it.
+    """
+    for before, word in zip(("", *words), words, strict=False):
+        name, sign, _ = word.partition(":=")
+        if not sign or before in VALUE_FLAGS:
+            continue
+        flag = "-p" if name in parameter_names else "-r"
+        raise SetupError(word, "has no flag before it", f"write --ros-args {flag} {word}")
+
+
+def domain_id() -> int:
+    """The ROS 2 domain that the environment asks for.
+
+    Raises:
+        SetupError: `ROS_DOMAIN_ID` is no domain.
+    """
+    domain = os.environ.get("ROS_DOMAIN_ID") or "0"
+    if not (domain.isdecimal() and int(domain) <= LAST_DOMAIN):
+        raise SetupError("ROS_DOMAIN_ID", f"is '{domain}'", f"set it to a number from 0 to {LAST_DOMAIN}")
+    return int(domain)
+
+
 def _start_ros() -> None:
     """Start rclpy.
 
     Raises:
         SetupError: The environment or the command line is wrong.
     """
-    domain = os.environ.get("ROS_DOMAIN_ID") or "0"
-    if not (domain.isdecimal() and int(domain) <= LAST_DOMAIN):
-        raise SetupError("ROS_DOMAIN_ID", f"is '{domain}'", f"set it to a number from 0 to {LAST_DOMAIN}")
+    domain_id()
     try:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         words = remove_ros_args(sys.argv)[1:]

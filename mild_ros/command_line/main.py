@@ -20,6 +20,12 @@ COMMANDS = {
     "view": "A recorded run in a 3-D page.",
     "models": "The models here: what they learned from, how good they are.",
     "doctor": "Checks this machine's Python, ROS 2 and network and says what to do.",
+    "run": "Starts a node, as `ros2 run` does.",
+    "record": "Records topics into a bag.",
+    "status": "One screen of what runs: nodes, mode, rates, latency and alarms.",
+    "hold": "Stops every robot smoothly at once, until it is released.",
+    "enable": "Lets robots follow, or with --off stops them and sends no more commands.",
+    "reset": "Forgets the person; the robot stops smoothly and goes home.",
     "faults": "Does to real nodes all that may go wrong around them, and judges what the robot does.",
     "demonstrations": "Cuts recorded bags into labelled trials to learn from.",
     "train": "Learns a model from demonstrations.",
@@ -27,6 +33,12 @@ COMMANDS = {
     "plot": "The figures and tables of a paper, from a model and its recording or from measured errors.",
 }
 """Each is the function of that name in the module of that name; the text is what `mild --help` says of it."""
+
+MODULES = {"record": "run", "status": "operate", "hold": "operate", "enable": "operate", "reset": "operate"}
+"""Commands that share a module with others."""
+
+PASSED_ON = {"run"}
+"""Commands that hand words they do not know to the program they start."""
 
 EXIT_SET_UP, EXIT_INTERRUPTED = 2, 130
 
@@ -86,13 +98,14 @@ def assemble(wanted: str | None) -> typer.Typer:
         if name != wanted:
             app.command(name, help=summary)(_not_imported)
             continue
-        command = getattr(import_module(f"mild_ros.command_line.{name}"), name)
+        command = getattr(import_module(f"mild_ros.command_line.{MODULES.get(name, name)}"), name)
         if isinstance(command, typer.Typer):
             for part in command.registered_commands:
                 part.callback = _in_one_line(part.callback) if part.callback else None
             app.add_typer(command, name=name, short_help=summary)
         else:
-            app.command(name, short_help=summary)(_in_one_line(command))
+            passed_on = {"ignore_unknown_options": True, "help_option_names": []} if name in PASSED_ON else None
+            app.command(name, short_help=summary, context_settings=passed_on)(_in_one_line(command))
     return app
 
 
