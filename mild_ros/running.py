@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """How every executable of ours starts, runs and ends.
 
-A wrong set-up is one line and exit code 2. SIGINT and SIGTERM end the node with exit code 0, also while it is still
-loading. `EventsExecutor.spin` of Jazzy calls nothing; its `spin_once` does, with half the processor time and a third of
-the tail latency of the `SingleThreadedExecutor`.
+A wrong set-up is one line and exit code 2. SIGINT, SIGTERM and SIGHUP (a closed terminal) end the node with exit code
+0, also while it is still loading. `EventsExecutor.spin` of Jazzy calls nothing; its `spin_once` does, with half the
+processor time and a third of the tail latency of the `SingleThreadedExecutor`.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from rclpy.utilities import remove_ros_args
 
 from mild_core.errors import SetupError
 from mild_ros.parameters import help_text
+from mild_ros.terminal import show_any_text
 
 _ENDED_BY = "ended_by"
 """Attribute of a node that gave up."""
@@ -58,6 +59,7 @@ def run(name: str, make_node: Callable[[], Node], parameters: type[Any]) -> int:
     Returns:
         The exit code of `--help`; in all other cases the process ends here.
     """
+    show_any_text()
     if {"--help", "-h"} & set(sys.argv[1:]):
         print(f"ros2 run mild_ros {name} [--ros-args -p NAME:=VALUE ... -r TOPIC:=TOPIC ...]\n\nParameters:")
         print(help_text(parameters))
@@ -175,7 +177,9 @@ def _spin(node: Node, interruption: _Interruption) -> None:
 
 
 class _Interruption:
-    """What SIGINT and SIGTERM do. rclpy's own handlers are not used: they end the context in the middle of a callback.
+    """What SIGINT, SIGTERM and SIGHUP do.
+
+    rclpy's own handlers are not used: they end the context in the middle of a callback.
 
     While the node loads they raise KeyboardInterrupt, again and again, because callbacks of compiled libraries
     swallow exceptions. Afterwards they only say that the node is to end, and it does between two callbacks.
@@ -194,8 +198,9 @@ class _Interruption:
         self._before: dict[int, Any] = {}
 
     def __enter__(self) -> _Interruption:
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
-            self._before[number] = signal.signal(number, self._interrupt)
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGALRM):
+            if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:  # of nohup
+                self._before[number] = signal.signal(number, self._interrupt)
         return self
 
     def __exit__(self, *_: object) -> None:

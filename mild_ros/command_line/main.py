@@ -13,6 +13,7 @@ from typing import Any
 import typer
 
 from mild_core.errors import MildError
+from mild_ros.terminal import show_any_text
 
 COMMANDS = {
     "demo": "The main job on a bag we ship: tracker messages in, a simulated robot moves, results to look at.",
@@ -115,6 +116,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     Args:
         arguments: Without the program's name; those of the process by default.
     """
+    show_any_text()
     given = list(sys.argv[1:] if arguments is None else arguments)
     wanted = next((word for word in given if not word.startswith("-")), None)
     assemble(wanted)(args=given, prog_name="mild")
