@@ -150,7 +150,7 @@ def read_archive(path: Path, names: Iterable[str]) -> dict[str, NDArray[Any]]:
     """
     thing = f"recording '{path}'"
     if not path.is_file():
-        raise DatasetError(thing, "there is no such file", "give the path of traj_data.npz, or set MILD_DATA")
+        raise DatasetError(thing, "there is no such file", "give its path; ./mild data says how to get it")
     try:
         with zipfile.ZipFile(path) as archive:
             there = {name.removesuffix(".npy") for name in archive.namelist()}

@@ -28,6 +28,7 @@ COMMANDS = {
     "enable": "Lets robots follow, or with --off stops them and sends no more commands.",
     "reset": "Forgets the person; the robot stops smoothly and goes home.",
     "faults": "Does to real nodes all that may go wrong around them, and judges what the robot does.",
+    "data": "Recordings to learn from: what there is, under which licence, and how to get it.",
     "demonstrations": "Cuts recorded bags into labelled trials to learn from.",
     "train": "Learns a model from demonstrations.",
     "evaluate": "A model's error per interaction, or a cross-validation beside the baselines.",

@@ -138,9 +138,9 @@ BUETEPAGE_HH = Recording(
     observed_side="right",
     robot="",
     controlled_names=("shoulder", "elbow", "hand"),
-    licence="none is stated; the recordings are no longer published",
+    licence="none is stated",
     source="J. Bütepage, A. Ghadirzadeh, Ö. Öztimur Karadağ, M. Björkman, D. Kragic: Imitating by Generating, "
-    "Frontiers in Robotics and AI 2020 (github.com/jbutepage/human_robot_interaction_data, folder hh)",
+    "Frontiers in Robotics and AI 2020 (github.com/souljaboy764/human_robot_interaction_data, folder hh)",
     read=read,
     protocols=protocols(window=40, keep_every=5),
 )
