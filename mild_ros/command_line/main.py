@@ -21,12 +21,16 @@ COMMANDS = {
     "models": "The models here: what they learned from, how good they are.",
     "doctor": "Checks this machine's Python, ROS 2 and network and says what to do.",
     "faults": "Does to real nodes all that may go wrong around them, and judges what the robot does.",
+    "measure": "Runs the benches behind the figures that README and docs print.",
     "demonstrations": "Cuts recorded bags into labelled trials to learn from.",
     "train": "Learns a model from demonstrations.",
     "evaluate": "A model's error per interaction, or a cross-validation beside the baselines.",
     "plot": "The figures and tables of a paper, from a model and its recording or from measured errors.",
 }
-"""Each is the function of that name in the module of that name; the text is what `mild --help` says of it."""
+"""Each is the function of that name in the module of that name, which may set click's `CONTEXT_SETTINGS`.
+
+The text is what `mild --help` says of it.
+"""
 
 EXIT_SET_UP, EXIT_INTERRUPTED = 2, 130
 
@@ -86,13 +90,14 @@ def assemble(wanted: str | None) -> typer.Typer:
         if name != wanted:
             app.command(name, help=summary)(_not_imported)
             continue
-        command = getattr(import_module(f"mild_ros.command_line.{name}"), name)
+        module = import_module(f"mild_ros.command_line.{name}")
+        command, settings = getattr(module, name), getattr(module, "CONTEXT_SETTINGS", None)
         if isinstance(command, typer.Typer):
             for part in command.registered_commands:
                 part.callback = _in_one_line(part.callback) if part.callback else None
             app.add_typer(command, name=name, short_help=summary)
         else:
-            app.command(name, short_help=summary)(_in_one_line(command))
+            app.command(name, short_help=summary, context_settings=settings)(_in_one_line(command))
     return app
 
 
