@@ -29,18 +29,19 @@ COMMANDS = {
     "reset": "Forgets the person; the robot stops smoothly and goes home.",
     "faults": "Does to real nodes all that may go wrong around them, and judges what the robot does.",
     "data": "Recordings to learn from: what there is, under which licence, and how to get it.",
+    "measure": "Runs the benches behind the figures that README and docs print.",
     "demonstrations": "Cuts recorded bags into labelled trials to learn from.",
     "train": "Learns a model from demonstrations.",
     "evaluate": "A model's error per interaction, or a cross-validation beside the baselines.",
     "plot": "The figures and tables of a paper, from a model and its recording or from measured errors.",
 }
-"""Each is the function of that name in the module of that name; the text is what `mild --help` says of it."""
+"""Each is the function of that name in the module of that name, which may set click's `CONTEXT_SETTINGS` of it.
+
+The text is what `mild --help` says of it.
+"""
 
 MODULES = {"record": "run", "status": "operate", "hold": "operate", "enable": "operate", "reset": "operate"}
 """Commands that share a module with others."""
-
-PASSED_ON = {"run"}
-"""Commands that hand words they do not know to the program they start."""
 
 EXIT_SET_UP, EXIT_INTERRUPTED = 2, 130
 
@@ -100,14 +101,14 @@ def assemble(wanted: str | None) -> typer.Typer:
         if name != wanted:
             app.command(name, help=summary)(_not_imported)
             continue
-        command = getattr(import_module(f"mild_ros.command_line.{MODULES.get(name, name)}"), name)
+        module = import_module(f"mild_ros.command_line.{MODULES.get(name, name)}")
+        command, settings = getattr(module, name), getattr(module, "CONTEXT_SETTINGS", {}).get(name)
         if isinstance(command, typer.Typer):
             for part in command.registered_commands:
                 part.callback = _in_one_line(part.callback) if part.callback else None
             app.add_typer(command, name=name, short_help=summary)
         else:
-            passed_on = {"ignore_unknown_options": True, "help_option_names": []} if name in PASSED_ON else None
-            app.command(name, short_help=summary, context_settings=passed_on)(_in_one_line(command))
+            app.command(name, short_help=summary, context_settings=settings)(_in_one_line(command))
     return app
 
 

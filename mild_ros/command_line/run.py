@@ -25,6 +25,9 @@ NODES = {
 }
 """Our executables, and what each is."""
 
+CONTEXT_SETTINGS = {"run": {"ignore_unknown_options": True, "help_option_names": []}}
+"""What follows the node belongs to it, `--help` included."""
+
 Words = Annotated[list[str] | None, typer.Argument(metavar="[ROS ARGUMENT]...", help="As for `ros2 run`.")]
 
 

@@ -81,7 +81,7 @@ def test_the_run_time_core_needs_four_packages() -> None:
 
 @pytest.mark.slow
 def test_every_command_of_the_smaller_set_up_starts_without_torch() -> None:
-    commands = ("demo", "replay", "view", "models", "doctor", "evaluate", "plot", "train")
+    commands = ("demo", "replay", "view", "models", "doctor", "evaluate", "plot", "train", "measure")
     then = (
         f"from mild_ros.command_line.main import main\nfor command in {commands}:\n"
         "    try: main([command, '--help'])\n    except SystemExit as end: assert end.code == 0, command"
