@@ -6,10 +6,13 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from mild_core.errors import SetupError
 from mild_core.perception.calibration import Calibration, calibration_from_mapping
-from mild_ros.diagnostics import Diagnostics
+
+if TYPE_CHECKING:
+    from mild_ros.diagnostics import Diagnostics
 
 LARGEST_BYTES = 10_000
 """A calibration takes some 500 bytes."""

@@ -12,7 +12,7 @@ from typing import Any
 
 import typer
 
-from mild_core.errors import MildError
+from mild_core.errors import MildError, SetupError
 from mild_ros.terminal import show_any_text
 
 COMMANDS = {
@@ -45,12 +45,24 @@ MODULES = {"record": "run", "status": "operate", "hold": "operate", "enable": "o
 
 EXIT_SET_UP, EXIT_INTERRUPTED = 2, 130
 
+ROS_PACKAGES = ("rclpy", "ament_index_python", "builtin_interfaces", "rcl_interfaces")
+"""Packages of ROS 2 beside those of messages and services."""
+
 FULL = (errno.ENOSPC, errno.EDQUOT)
 """What a disk without room says."""
 
 
 def _say(line: str) -> None:
     print(f"mild: {line}", file=sys.stderr)
+
+
+def _without_ros(error: ModuleNotFoundError) -> SetupError:
+    """What to do about a package of ROS 2 that is missing; raises `error` again when it is another package."""
+    package = (error.name or "").split(".")[0]
+    if package not in ROS_PACKAGES and not package.endswith(("_msgs", "_srvs")):
+        raise error
+    remedy = "source a ROS 2 Jazzy, or run ./mild in a checkout, which brings one"
+    return SetupError("ROS 2", f"is not installed here (no {package}), and this needs it", remedy)
 
 
 def _in_one_line(command: Callable[..., Any]) -> Callable[..., None]:
@@ -62,6 +74,8 @@ def _in_one_line(command: Callable[..., Any]) -> Callable[..., None]:
             command(*arguments, **options)
         except MildError as error:
             _say(str(error))
+        except ModuleNotFoundError as error:
+            _say(str(_without_ros(error)))
         except KeyboardInterrupt:
             _say("interrupted")
             raise typer.Exit(EXIT_INTERRUPTED) from None
@@ -121,7 +135,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     show_any_text()
     given = list(sys.argv[1:] if arguments is None else arguments)
     wanted = next((word for word in given if not word.startswith("-")), None)
-    assemble(wanted)(args=given, prog_name="mild")
+    try:
+        app = assemble(wanted)
+    except ModuleNotFoundError as error:
+        _say(str(_without_ros(error)))
+        raise SystemExit(EXIT_SET_UP) from None
+    app(args=given, prog_name="mild")
 
 
 if __name__ == "__main__":

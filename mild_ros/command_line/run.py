@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 import sys
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated
 
@@ -77,6 +78,7 @@ def record(
 
 def _become(node: str, words: list[str]) -> None:
     """Become the node's process, so that signals and the exit code are its own."""
+    import_module("rclpy")  # what is missing is found here, where it is one line
     try:
         os.execv(sys.executable, [sys.executable, "-P", "-m", f"mild_ros.{node}_node", *words])
     except OSError as error:
