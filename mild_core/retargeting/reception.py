@@ -23,6 +23,9 @@ OUTSIDE_RAD = 0.02
 OUT_OF_DISTRIBUTION = 1.0
 """Above this score a motion is unknown to the model; source: `MotionWindow.out_of_distribution`."""
 
+SETTLING_S = 0.2
+"""A robot that lags comes to rest so long after its command at the latest."""
+
 REFUSING = {Mode.WAITING: "no_joint_states", Mode.DISABLED: "not_enabled"}
 """Modes in which no motion is taken, with the reason that is counted."""
 
@@ -90,7 +93,9 @@ def take_measurement(
         silent=False,
         holding_since_ns=now_ns if state.silent else state.holding_since_ns,
     )
-    if state.motion is None or (state.mode is Mode.DISABLED and state.motion.resting):
+    delay_s = settings.execution_delay_s
+    under_way = bool(state.pending) and 0.0 <= (now_ns - state.pending[-1][0]) * 1e-9 < delay_s + SETTLING_S
+    if state.motion is None or (state.mode is Mode.DISABLED and state.motion.resting and not under_way):
         mode = Mode.IDLE if state.mode is Mode.WAITING else state.mode
         # What comes next is a first command, not one that continues the last.
         state = replace(state, mode=mode, commanded_ns=None, displaced=False, displaced_since_ns=None)
@@ -101,7 +106,8 @@ def take_measurement(
 def _watch_displacement(
     state: RetargetingState, motion: JointMotion, settings: RetargetingSettings, now_ns: int
 ) -> RetargetingState:
-    pairs = zip(state.measured_rad, motion.position_rad, strict=True)
+    commanded_rad = state.carried_out(motion, settings.execution_delay_s, now_ns)
+    pairs = zip(state.measured_rad, commanded_rad, strict=True)
     away_rad = max(abs(measured - commanded) for measured, commanded in pairs)
     if state.displaced:
         # Half the bound, so that a robot at the bound does not flicker between the two.

@@ -32,6 +32,7 @@ from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.retargeting.state import Request, RetargetingState
 from mild_core.retargeting.target import Plan, Pursuit
+from mild_core.retargeting.trajectory_stream import TrajectoryStream, limits_between_points, resumed
 from mild_core.retargeting.watchdog import after_gap, after_time_jump, known, with_ear
 from mild_core.shapes import FloatArray, read_only
 from mild_core.signals import ARM_FRAME, JointCommand, JointMeasurement, MotionWindow, PersonPose
@@ -83,6 +84,8 @@ class Retargeting:
         robot, margin = self.robot, self.settings.position_margin_rad
         acceleration, jerk = robot.acceleration_rad_s2, robot.jerk_rad_s3
         velocity = np.minimum(robot.velocity_rad_s, self.settings.home_velocity_rad_s)
+        if self.settings.execution_delay_s:
+            acceleration, jerk = limits_between_points(acceleration, jerk)
         object.__setattr__(self, "_limiter", Limiter(robot.velocity_rad_s, acceleration, jerk))
         object.__setattr__(self, "_slow", Limiter(velocity, acceleration * HOME_SHARE, jerk * HOME_SHARE))
         object.__setattr__(self, "_lower", robot.lower_rad + margin)
@@ -95,6 +98,16 @@ class Retargeting:
     def init(self) -> RetargetingState:
         """The state before the first input."""
         return RetargetingState(mode=Mode.WAITING if self.settings.start_enabled else Mode.DISABLED)
+
+    def trajectory_stream(self) -> TrajectoryStream:
+        """Makes messages for a controller of trajectories from the commands; for settings with `execution_delay_s`."""
+        robot = self.robot
+        return TrajectoryStream(
+            self._limiter,
+            tuple(robot.velocity_rad_s.tolist()),
+            tuple(robot.acceleration_rad_s2.tolist()),
+            self.settings.execution_delay_s,
+        )
 
     def step(self, state: RetargetingState, given: RetargetingInput, now_ns: int) -> _Stepped:
         """Take one input, or None for a tick of the control clock, at time `now_ns`.
@@ -124,7 +137,11 @@ class Retargeting:
         if state.mode is Mode.DISABLED and motion.resting:
             return replace(state, commanded_ns=None), ()
         elapsed_s = 0.0 if state.commanded_ns is None else (now_ns - state.commanded_ns) * 1e-9
-        if elapsed_s > self.settings.max_gap_s:
+        if self.settings.execution_delay_s:
+            if elapsed_s > self.settings.max_gap_s:
+                state = after_gap(state, motion, now_ns)
+            motion, elapsed_s = resumed(self._limiter, motion, elapsed_s)
+        elif elapsed_s > self.settings.max_gap_s:
             state, elapsed_s = after_gap(state, motion, now_ns), 0.0
             motion = state.motion or motion
         if state.plan is not None and self.standing is not None:
@@ -137,6 +154,8 @@ class Retargeting:
         except NoPlanError:
             motion = JointMotion.at_rest(motion.position_rad)
             state = state.counted("no_plan")
+        if self.settings.execution_delay_s:
+            state = state.with_pending(motion.position_rad, self.settings.execution_delay_s, now_ns)
         return replace(state, motion=motion, commanded_ns=now_ns, had_plan=state.plan is not None), (
             JointCommand(
                 stamp_ns=now_ns,

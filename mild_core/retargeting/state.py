@@ -55,6 +55,8 @@ class RetargetingState:
         touch: How far the hands have been brought together; None when they are not.
         place_m: Where the person is taken to stand, if the camera does not tell.
         near_m: How near the robot's hand was to the person at the newest command that moves.
+        pending: With `execution_delay_s`: times [ns] and positions of the commands that are not yet carried out, and of
+            the one that was carried out last, oldest first.
         counts: Events by reason since the start.
         outcome: What became of the newest input: a key of `counts`.
     """
@@ -81,6 +83,7 @@ class RetargetingState:
     touch: Touch | None = None
     place_m: Point | None = None
     near_m: float = math.inf
+    pending: tuple[tuple[int, Joints], ...] = ()
     counts: Mapping[str, int] = field(default_factory=dict)
     outcome: str = ""
 
@@ -93,6 +96,20 @@ class RetargetingState:
         if self.person is None or self.person_ns == now_ns:
             return self
         return replace(self, person=None, sight=seen_again(self.sight, self.person, self.person_ns))
+
+    def with_pending(self, position_rad: Joints, delay_s: float, now_ns: int) -> RetargetingState:
+        """One more command that is carried out `delay_s` from now."""
+        carried_out_ns = now_ns - round(delay_s * 1e9)
+        earlier = [entry for entry in self.pending if entry[0] < now_ns]
+        first = max((index for index, (at_ns, _) in enumerate(earlier) if at_ns <= carried_out_ns), default=0)
+        return replace(self, pending=(*earlier[first:], (now_ns, position_rad)))
+
+    def carried_out(self, motion: JointMotion, delay_s: float, now_ns: int) -> Joints:
+        """Where the robot has been sent by now, of the newest command `motion`: J positions [rad]."""
+        due = [position for at_ns, position in self.pending if at_ns <= now_ns - round(delay_s * 1e9)]
+        if due:
+            return due[-1]
+        return self.pending[0][1] if self.pending else motion.position_rad
 
     def counted(self, reason: str) -> RetargetingState:
         """One more event of `reason`."""
