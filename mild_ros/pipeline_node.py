@@ -104,7 +104,7 @@ class PipelineNode(Node):
 
     def _look(self) -> None:
         self._commanding.look_for_others()
-        self._commanding.tell(self._state.retargeting)
+        self._commanding.tell(self._state.retargeting, self._time.now_ns())
 
 
 def main() -> int:
