@@ -31,6 +31,9 @@ FIRST_PORT, PORTS_PER_DOMAIN = 7400, 250
 POLITE_S, FIRM_S = 10.0, 5.0
 """How long a node may take to end after SIGINT, and after SIGTERM."""
 
+PYTHON = (sys.executable, "-P")
+"""How a child of ours starts: what lies in the current folder is never taken for a module."""
+
 _DIE_WITH_PARENT = 1
 """PR_SET_PDEATHSIG of prctl(2)."""
 
@@ -91,6 +94,7 @@ class Nodes:
             ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
             ROS_LOG_DIR=str(log_folder),
             PYTHONUNBUFFERED="1",
+            PYTHONSAFEPATH="1",
         )
         self._prctl = ctypes.CDLL(None).prctl
 
@@ -107,7 +111,7 @@ class Nodes:
         """Start the executable `name` of ours with these parameters, and with other names for its `topics`."""
         words = [word for key, value in parameters.items() for word in ("-p", f"{key}:={as_yaml(value)}")]
         words += [word for topic, other in (topics or {}).items() for word in ("-r", f"{topic}:={other}")]
-        command = [sys.executable, "-m", f"mild_ros.{name}_node", "--ros-args", *words]
+        command = [*PYTHON, "-m", f"mild_ros.{name}_node", "--ros-args", *words]
         with self._log(name).open("wb") as log:
             self._running[name] = subprocess.Popen(
                 command,

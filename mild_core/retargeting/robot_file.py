@@ -22,10 +22,10 @@ Position and velocity limits are the description's; `lower_rad`, `upper_rad` and
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 
+from mild_core.budgets import parse_toml, read_file
 from mild_core.errors import SetupError, unknown_name
 from mild_core.fields import Fields
 from mild_core.retargeting.arm_following import LinkFollower
@@ -67,13 +67,9 @@ def read_robot(path: Path) -> RobotModel:
     Raises:
         SetupError: Names the file, the key and what is wrong.
     """
+    content = read_file(path, SIZE_LIMIT, "give the path of a robot file")
     try:
-        with path.open("rb") as file:
-            text = file.read(SIZE_LIMIT + 1)
-    except OSError as error:
-        raise SetupError(str(path), f"cannot be read ({error.strerror})", "give the path of a robot file") from error
-    try:
-        values = tomllib.loads(text.decode() if len(text) <= SIZE_LIMIT else "too large")
+        values = parse_toml(content)
     except ValueError as error:
         raise SetupError(str(path), f"is no TOML: {error}", "see 'Add a robot' in the README") from None
     robot = _robot(path, Fields(str(path), "", values, "see 'Add a robot' in the README", SetupError))

@@ -111,10 +111,13 @@ def test_a_full_disk_is_one_line(clone: Path, tmp_path: Path) -> None:
 def test_no_network_is_one_line(tmp_path: Path) -> None:
     """A proxy that nobody listens at is a network that is not there."""
     clone = copy_of_checkout(tmp_path / "clone")
+    for module in ("venv.py", "ensurepip.py", "pip/__init__.py", "json.py"):  # the current folder, which is not asked
+        plant(tmp_path, module, f"open({str(tmp_path / 'trace')!r}, 'a').write({module!r})\n")
     result = _mild(clone, "demo", HTTPS_PROXY="http://127.0.0.1:9", HTTP_PROXY="http://127.0.0.1:9")
     assert result.returncode == 2
     assert NO_NETWORK in result.stderr.splitlines()[-1]
     assert "Traceback" not in result.stderr
+    assert not (tmp_path / "trace").exists()
 
 
 @pytest.mark.slow
