@@ -8,6 +8,7 @@ import shutil
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 
 from mild_core.errors import SetupError
@@ -84,6 +85,7 @@ def run_nodes(
     Raises:
         SetupError: The bag is broken, or a node failed.
     """
+    import_module("rclpy")  # where it is missing, that is told here and not by the first node
     with open_bag(bag, salvage=options.salvage) as opened:
         duration_s = max(opened.duration_s - options.start_s, LOOK_S) / options.rate
         feeds = skeleton_feeds(opened, skeleton_source(options.pipeline), options.skeleton_topic)

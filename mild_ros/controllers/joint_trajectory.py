@@ -13,10 +13,9 @@ from __future__ import annotations
 import array
 from typing import Any
 
-from trajectory_msgs.msg import JointTrajectoryPoint
-
 from mild_ros.controllers.output import ControllerOutput, Outgoing
 from mild_ros.messages.stamps import NANOSECONDS_PER_SECOND, time_to_msg
+from mild_ros.messages.standard import JointTrajectoryPoint
 
 
 def joint_trajectory(kind: Any, outgoing: Outgoing) -> Any:

@@ -7,13 +7,12 @@ import array
 from typing import Any
 
 import numpy as np
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Header
 
 from mild_core.errors import DataError
 from mild_core.shapes import FloatArray
 from mild_core.signals import JointCommand, JointMeasurement
 from mild_ros.messages.stamps import ns_from_msg, time_to_msg
+from mild_ros.messages.standard import Header, JointState
 
 
 def joint_command_to_msg(command: JointCommand) -> JointState:

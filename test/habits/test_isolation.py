@@ -102,7 +102,18 @@ def test_what_does_not_need_ros_works_without_it(words: list[str]) -> None:
     assert "yumi" in result.stdout.lower()
 
 
-@pytest.mark.parametrize("words", [["status"], ["run", "pipeline"], ["record", "a_bag"], ["faults"]])
+@pytest.mark.slow
+def test_a_bag_is_replayed_without_ros_to_the_same_bytes(tmp_path: Path) -> None:
+    def digest(refused: tuple[str, ...]) -> str:
+        words = ["replay", "bags/hand_wave", "--out", str(tmp_path / f"{len(refused)}")]
+        result = _run_without(refused, f"from mild_ros.command_line.main import main\nmain({words!r})")
+        assert result.returncode == 0, result.stderr
+        return next(line for line in result.stdout.splitlines() if "SHA-256" in line)
+
+    assert digest(ROS_ONLY) == digest(())
+
+
+@pytest.mark.parametrize("words", [["status"], ["run", "pipeline"], ["record", "a_bag"], ["faults"], ["demo"]])
 def test_what_needs_ros_says_so_in_one_line(words: list[str]) -> None:
     result = _run_without(ROS_ONLY, f"from mild_ros.command_line.main import main\nmain({words!r})")
     assert result.returncode == 2
