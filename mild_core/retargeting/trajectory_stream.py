@@ -34,8 +34,8 @@ TICK_S = 0.01
 LONGEST_STEP_S = 0.0125
 """A longer step between two commands gets points in between."""
 
-LEAST_STEP_S = 0.001
-"""A command that follows the one before in less takes its place."""
+LEAST_STEP_S = 0.005
+"""A command that follows the one before in less takes its place, unless that makes a step too long."""
 
 MESSAGE_PERIOD_S = 0.0075
 """Least time between messages: one per tick, but none for a command that a motion causes right after one."""
@@ -187,7 +187,7 @@ class TrajectoryStream:
 
     def _start(self, motion: JointMotion, now_ns: int) -> TrajectoryState:
         """A new stream: the robot stands where it is until the first command is carried out."""
-        first_ns = now_ns - _ns(self.delay_s + PAST_S)
+        first_ns = min(max(now_ns - _ns(PAST_S), 1), now_ns + 1) - _ns(self.delay_s)
         return TrajectoryState((first_ns, now_ns), (JointMotion.at_rest(motion.position_rad), motion))
 
     def _bridges(self, ways_rad: list[float]) -> bool:
@@ -227,6 +227,11 @@ class TrajectoryStream:
         period_ns = _ns(TICK_S)
         motions = (*state.motions, *stop)
         times = (*state.times_ns, *(state.times_ns[-1] + (number + 1) * period_ns for number in range(len(stop))))
+        # A time that is negative, or zero for "now", is none to a controller: right after the start of a simulation.
+        first = next(
+            (index for index, time_ns in enumerate(times[:-1]) if time_ns + _ns(self.delay_s) > 0), len(times) - 1
+        )
+        times, motions = times[first:], motions[first:]
         # Where nothing moves two points are enough.
         kept = [
             index

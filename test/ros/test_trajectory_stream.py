@@ -7,6 +7,7 @@ import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,7 @@ from mild_ros.assembly.pipeline import make_pipeline
 from mild_ros.bags import open_bag
 from mild_ros.controller_messages import ControllerMessages
 from mild_ros.controller_settings import ControllerParameters
+from mild_ros.demo import RunOptions, run_nodes
 from mild_ros.joint_naming import joint_naming
 from mild_ros.messages.stamps import ns_from_msg
 from mild_ros.replay import Inputs, fold
@@ -426,6 +428,42 @@ def test_a_clock_that_is_set_back_shifts_what_was_promised() -> None:
             assert before is not None
             np.testing.assert_allclose(at(newest, newest.sent_s + 0.05), at(before, before.sent_s + 0.05), atol=1e-12)
             assert state.counts["time_backwards"] == 1
+
+
+def test_no_stamp_is_zero_or_negative() -> None:
+    """Simulated time starts at zero, which stands for "now" in a stamp; rclcpp throws at a negative one."""
+    stage = stage_of()
+    controllers = ControllerMessages(ControllerParameters(outputs=OUTPUTS), stage, joint_naming(YUMI.joint_names, ()))
+    state, _ = stage.step(stage.init(), JointMeasurement(0, YUMI.joint_names, YUMI.home_rad), 0)
+    for tick in range(8):
+        state, commands = stage.step(state, None, tick * TICK_NS)
+        for due in controllers.after(commands, state):
+            assert ns_from_msg(due.message.header.stamp) > 0
+            assert ns_from_msg(due.message.points[0].time_from_start) == 0
+            assert len(due.message.points) >= 1
+            assert tick < 3 or ns_from_msg(due.message.header.stamp) <= tick * TICK_NS
+
+
+@pytest.mark.parametrize("rate_hz", [100, 200, 500])
+def test_any_control_rate_makes_about_as_many_points(rate_hz: int) -> None:
+    times = (START_NS + number * (10**9 // rate_hz) for number in range(4 * rate_hz))
+    stream, _, _ = run(stage_of(), times)
+    assert max(len(message.times_s) for message in stream.messages) < 80
+    check(stream, WORST[:2])
+
+
+@pytest.mark.heavy
+def test_a_run_of_real_nodes_is_played_inside_the_limits(tmp_path: Path) -> None:
+    """Messages as a subscriber gets them over DDS, with all the gaps that this machine makes."""
+    parameters = PipelineParameters(outputs=OUTPUTS)
+    recorded = run_nodes(ROOT / "bags/handshake", tmp_path, RunOptions(parameters), lambda what, share: None)
+    with open_bag(recorded) as bag:
+        received = list(bag.messages(["/joint_trajectory"]))
+        first_ns = received[0].time_ns
+        messages = tuple(as_read(bag.decode(raw), raw.time_ns, first_ns) for raw in received)
+    late = sum(message.sent_s - message.times_s[0] > 0.1 + trajectory_stream.PAST_S + TICK_S for message in messages)
+    assert late < 0.01 * len(messages), "the machine is too loaded to judge"
+    check(Stream(messages, YUMI, messages[0].positions_rad[0]), (Setting(1000.0), Setting(250.0, from_desired=True)))
 
 
 def test_points_between_commands_follow_the_acceleration() -> None:
