@@ -76,28 +76,6 @@ def in_process(scene: Path, pipeline: Pipeline, tmp_path_factory: pytest.TempPat
     return replay_in_process(scene, pipeline, INPUTS, output), output
 
 
-def test_messages_for_controllers_are_written_too(model: Path, scene: Path, tmp_path: Path) -> None:
-    """The same every time, and those of types that are not installed are named."""
-    parameters = PipelineParameters(
-        model=str(model), interaction=INTERACTION, outputs=("joint_trajectory", "position_command", "joint_angles")
-    )
-    pipeline = make_pipeline(parameters, load(parameters.model))
-    written, notes = [], []
-    for name in ("first", "second"):
-        controllers = ControllerMessages(parameters, pipeline.retargeting, INPUTS.naming)
-        summary = replay_in_process(scene, pipeline, INPUTS, tmp_path / name, controllers=controllers)
-        notes.append(summary.note)
-        with open_bag(tmp_path / name) as bag:
-            counts = {topic: bag.topics[topic].count for topic in ("/joint_trajectory", "/position_command")}
-            written.append([raw.data for raw in bag.messages(["/joint_trajectory", "/position_command"])])
-            assert "/joint_angles" not in bag.topics
-    assert written[0] == written[1]
-    assert counts["/position_command"] == summary.commands
-    assert 0.8 * summary.commands < counts["/joint_trajectory"] <= summary.commands
-    absent = "joint_angles is not written: the type naoqi_bridge_msgs/msg/JointAnglesWithSpeed is not installed here"
-    assert notes == [absent, absent]
-
-
 def command_bytes(path: Path) -> list[bytes]:
     with open_bag(path) as bag:
         return [raw.data for raw in bag.messages(["/joint_command"])]
@@ -282,3 +260,25 @@ def same_bits(commands: list[JointState], expected: list[bytes]) -> None:
         assert encode(command) == data, f"command {index}"
     moved = np.ptp([command.position for command in commands], axis=0)
     assert moved.max() > 0.05, "the robot moved"
+
+
+def test_messages_for_controllers_are_written_too(model: Path, scene: Path, tmp_path: Path) -> None:
+    """The same every time, and those of types that are not installed are named."""
+    parameters = PipelineParameters(
+        model=str(model), interaction=INTERACTION, outputs=("joint_trajectory", "position_command", "joint_angles")
+    )
+    pipeline = make_pipeline(parameters, load(parameters.model))
+    written, notes = [], []
+    for name in ("first", "second"):
+        controllers = ControllerMessages(parameters, pipeline.retargeting, INPUTS.naming)
+        summary = replay_in_process(scene, pipeline, INPUTS, tmp_path / name, controllers=controllers)
+        notes.append(summary.note)
+        with open_bag(tmp_path / name) as bag:
+            counts = {topic: bag.topics[topic].count for topic in ("/joint_trajectory", "/position_command")}
+            written.append([raw.data for raw in bag.messages(["/joint_trajectory", "/position_command"])])
+            assert "/joint_angles" not in bag.topics
+    assert written[0] == written[1]
+    assert counts["/position_command"] == summary.commands
+    assert 0.8 * summary.commands < counts["/joint_trajectory"] <= summary.commands
+    absent = "joint_angles is not written: the type naoqi_bridge_msgs/msg/JointAnglesWithSpeed is not installed here"
+    assert notes == [absent, absent]
