@@ -75,15 +75,8 @@ class RetargetingSettings:
     def __post_init__(self) -> None:
         if self.ik not in MIXES:
             raise unknown_name("ik", self.ik, MIXES)
-        may_be_zero = {
-            "execution_delay_s",
-            "look_ahead_s",
-            "unknown_after_s",
-            "home_after_s",
-            "position_margin_rad",
-            "displaced_after_s",
-        }
-        may_be_zero |= {"keep_out_m", "near_m"}
+        may_be_zero = {"look_ahead_s", "unknown_after_s", "home_after_s", "position_margin_rad", "displaced_after_s"}
+        may_be_zero |= {"keep_out_m", "near_m", "execution_delay_s"}
         for each in fields(self):
             value = getattr(self, each.name)
             if each.name in ("start_enabled", "ik"):
