@@ -46,7 +46,7 @@ class ReplayParameters(TrackerParameters):
         "", "Topic of the skeletons in the bag, for a source with a single one; empty finds it by its type."
     )
     also: tuple[str, ...] = parameter(
-        (), "Further topics of the bag to send under their own names; [all] for every one but commands."
+        (), "Further topics of the bag to send under their own names; [all] for every one. Commands are never sent."
     )
     joint_states: str = parameter(
         "auto",

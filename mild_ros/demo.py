@@ -33,6 +33,9 @@ TOPICS = (
 )
 """Recorded beside the skeletons: enough for every picture. Windows and beliefs would be published for that alone."""
 
+DRIVERS_NAMES = ("robot_joint_names", "position_order")
+"""Parameters of the pipeline that hold a driver's names of the joints."""
+
 REPLAYING = {False: "replaying", True: "replaying over and over; control-C ends it"}
 
 AFTERWARDS_S = 0.7
@@ -107,7 +110,8 @@ def run_nodes(
 def _start_listeners(nodes: Nodes, recorded: Path, skeleton_topics: list[str], options: RunOptions) -> None:
     """Start all nodes but the one that sends the bag."""
     sim_time = {"use_sim_time": True} if options.lock_step else {}
-    told = changed(options.pipeline)
+    # The simulated robot has our names of its joints, whatever those of the real one's driver are.
+    told = {name: value for name, value in changed(options.pipeline).items() if name not in DRIVERS_NAMES}
     simulated = {name: told[name] for name in ("robot", "robot_description") if name in told}
     outputs = options.pipeline.outputs
     nodes.start("simulation", simulated | sim_time)

@@ -115,7 +115,7 @@ def take_measurement(
     if state.motion is None or (state.mode is Mode.DISABLED and state.motion.resting and not under_way):
         mode = Mode.IDLE if state.mode is Mode.WAITING else state.mode
         # What comes next is a first command, not one that continues the last.
-        state = replace(state, mode=mode, commanded_ns=None, displaced=False, displaced_since_ns=None)
+        state = replace(state, mode=mode, commanded_ns=None, displaced=False, displaced_since_ns=None, pending=())
         return replace(state, motion=JointMotion.at_rest(state.measured_rad)).ended("measured")
     return _watch_displacement(state, state.motion, settings, now_ns).ended("measured")
 

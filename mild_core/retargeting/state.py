@@ -39,6 +39,8 @@ class RetargetingState:
         held: Whether the operator holds the robot.
         motion: The newest command with its acceleration; None before the first measurement.
         commanded_ns: When that command was sent; None before the first.
+        pending: With `execution_delay_s`: times [ns] and positions of the commands that are not yet carried out, and of
+            the one that was carried out last, oldest first.
         plan: The newest usable motion; None when there is nothing to follow.
         had_plan: Whether there was one at the command before.
         pursuit: The way onto the plan; None unless following, and where it starts anew.
@@ -57,8 +59,6 @@ class RetargetingState:
         touch: How far the hands have been brought together; None when they are not.
         place_m: Where the person is taken to stand, if the camera does not tell.
         near_m: How near the robot's hand was to the person at the newest command that moves.
-        pending: With `execution_delay_s`: times [ns] and positions of the commands that are not yet carried out, and of
-            the one that was carried out last, oldest first.
         counts: Events by reason since the start.
         outcome: What became of the newest input: a key of `counts`.
         detail: Why that input was not used, for people; "" when it was.
@@ -69,6 +69,7 @@ class RetargetingState:
     held: bool = False
     motion: JointMotion | None = None
     commanded_ns: int | None = None
+    pending: tuple[tuple[int, Joints], ...] = ()
     plan: Plan | None = None
     had_plan: bool = False
     pursuit: Pursuit | None = None
@@ -87,7 +88,6 @@ class RetargetingState:
     touch: Touch | None = None
     place_m: Point | None = None
     near_m: float = math.inf
-    pending: tuple[tuple[int, Joints], ...] = ()
     counts: Mapping[str, int] = field(default_factory=dict)
     outcome: str = ""
     detail: str = ""

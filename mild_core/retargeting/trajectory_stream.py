@@ -34,6 +34,9 @@ TICK_S = 0.01
 LONGEST_STEP_S = 0.0125
 """A longer step between two commands gets points in between."""
 
+LEAST_STEP_S = 0.005
+"""A command that follows the one before in less takes its place, unless that makes a step too long."""
+
 MESSAGE_PERIOD_S = 0.0075
 """Least time between messages: one per tick, but none for a command that a motion causes right after one."""
 
@@ -160,12 +163,13 @@ class TrajectoryStream:
         last = motions[-1]
         elapsed_s = (now_ns - times[-1]) * 1e-9
         before, step_s = resumed(self.limiter, last, elapsed_s)
-        steps = zip(motion.position_rad, before.position_rad, self.velocity_rad_s, strict=True)
-        if any(abs(now - then) > 1.1 * most * step_s + SAME_RAD for now, then, most in steps):
-            if times[-1] <= now_ns - _ns(FREE_S) and before.resting and self._bridges(before, motion):
-                return replace(
-                    state, times_ns=(*times, now_ns - _ns(FREE_S), now_ns), motions=(*motions, before, motion)
-                )
+        steps = [now - then for now, then in zip(motion.position_rad, before.position_rad, strict=True)]
+        free_ns = now_ns - _ns(FREE_S)
+        if last.resting and motion.resting and times[-1] < free_ns and max(map(abs, steps)) > SAME_RAD:
+            if self._bridges(steps):
+                return TrajectoryState((*times, free_ns, now_ns), (*motions, before, motion), state.sent_ns)
+            return self._start(motion, now_ns)
+        if any(abs(way) > 1.1 * most * step_s + SAME_RAD for way, most in zip(steps, self.velocity_rad_s, strict=True)):
             return self._start(motion, now_ns)
         if before is not last:
             stop_times, stop_motions = self._stop_points(times[-1], last, now_ns - _ns(TICK_S), before)
@@ -174,28 +178,26 @@ class TrajectoryStream:
             between = _between(last, motion, elapsed_s)
             times = (*times, *(times[-1] + _ns(at_s) for at_s, _ in between))
             motions = (*motions, *(each for _, each in between))
-        elif len(times) > 1 and now_ns - times[-2] <= LONGEST_STEP_S * 1e9 and elapsed_s < 0.1 * TICK_S:
-            times, motions = times[:-1], motions[:-1]  # points that nearly coincide would be one of rounding errors
-        elif elapsed_s == 0.0:
+        elif elapsed_s == 0.0 or (
+            # A flood of commands makes no flood of points.
+            elapsed_s < LEAST_STEP_S and len(times) > 1 and now_ns - times[-2] <= LONGEST_STEP_S * 1e9
+        ):
             times, motions = times[:-1], motions[:-1]
         return TrajectoryState((*times, now_ns), (*motions, motion), state.sent_ns)
 
     def _start(self, motion: JointMotion, now_ns: int) -> TrajectoryState:
         """A new stream: the robot stands where it is until the first command is carried out."""
-        first_ns = now_ns - _ns(self.delay_s + PAST_S)
+        first_ns = min(max(now_ns - _ns(PAST_S), 1), now_ns + 1) - _ns(self.delay_s)
         return TrajectoryState((first_ns, now_ns), (JointMotion.at_rest(motion.position_rad), motion))
 
-    def _bridges(self, before: JointMotion, after: JointMotion) -> bool:
-        """Whether a cubic gets from rest to rest in `FREE_S` inside the limits.
+    def _bridges(self, ways_rad: list[float]) -> bool:
+        """Whether cubics get from rest to rest in `FREE_S` inside the limits.
 
         A robot that was switched off for a while is commanded from where it says it is, and that differs a little from
         where it was sent before.
         """
-        ways = zip(before.position_rad, after.position_rad, self.velocity_rad_s, self.acceleration_rad_s2, strict=True)
-        return after.resting and all(
-            1.5 * abs(way) <= speed * FREE_S and 6.0 * abs(way) <= most * FREE_S**2
-            for way, speed, most in ((end - start, speed, most) for start, end, speed, most in ways)
-        )
+        ways = zip(map(abs, ways_rad), self.velocity_rad_s, self.acceleration_rad_s2, strict=True)
+        return all(1.5 * way <= speed * FREE_S and 6.0 * way <= most * FREE_S**2 for way, speed, most in ways)
 
     def _stop_points(
         self, time_ns: int, motion: JointMotion, end_ns: int, end: JointMotion
@@ -225,6 +227,11 @@ class TrajectoryStream:
         period_ns = _ns(TICK_S)
         motions = (*state.motions, *stop)
         times = (*state.times_ns, *(state.times_ns[-1] + (number + 1) * period_ns for number in range(len(stop))))
+        # A time that is negative, or zero for "now", is none to a controller: right after the start of a simulation.
+        first = next(
+            (index for index, time_ns in enumerate(times[:-1]) if time_ns + _ns(self.delay_s) > 0), len(times) - 1
+        )
+        times, motions = times[first:], motions[first:]
         # Where nothing moves two points are enough.
         kept = [
             index

@@ -30,6 +30,7 @@ from mild_ros.assembly.pipeline import make_pipeline
 from mild_ros.bag_settings import ReplayParameters
 from mild_ros.bag_writer import create_bag
 from mild_ros.bags import open_bag
+from mild_ros.controller_messages import ControllerMessages
 from mild_ros.encoding import encode, type_name_of
 from mild_ros.replay import Inputs, ReplaySummary, fold, replay_in_process
 from mild_ros.replay_events import TICK, with_ticks
@@ -278,3 +279,25 @@ def same_bits(commands: list[JointState], expected: list[bytes]) -> None:
         assert encode(command) == data, f"command {index}"
     moved = np.ptp([command.position for command in commands], axis=0)
     assert moved.max() > 0.05, "the robot moved"
+
+
+def test_messages_for_controllers_are_written_too(model: Path, scene: Path, tmp_path: Path) -> None:
+    """The same every time, and those of types that are not installed are named."""
+    parameters = PipelineParameters(
+        model=str(model), interaction=INTERACTION, outputs=("joint_trajectory", "position_command", "joint_angles")
+    )
+    pipeline = make_pipeline(parameters, load(parameters.model))
+    written, notes = [], []
+    for name in ("first", "second"):
+        controllers = ControllerMessages(parameters, pipeline.retargeting, INPUTS.naming)
+        summary = replay_in_process(scene, pipeline, INPUTS, tmp_path / name, controllers=controllers)
+        notes.append(summary.note)
+        with open_bag(tmp_path / name) as bag:
+            counts = {topic: bag.topics[topic].count for topic in ("/joint_trajectory", "/position_command")}
+            written.append([raw.data for raw in bag.messages(["/joint_trajectory", "/position_command"])])
+            assert "/joint_angles" not in bag.topics
+    assert written[0] == written[1]
+    assert counts["/position_command"] == summary.commands
+    assert 0.8 * summary.commands < counts["/joint_trajectory"] <= summary.commands
+    absent = "joint_angles is not written: the type naoqi_bridge_msgs/msg/JointAnglesWithSpeed is not installed here"
+    assert notes == [absent, absent]
