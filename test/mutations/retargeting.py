@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Faults of retargeting beside the guard: limiter, plan, modes, arm mapping, kinematics, limit check."""
+"""Faults of retargeting beside the guard, and of the pipeline: limiter, plan, modes, contact, arm mapping, limits."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ TESTS = "test/core/retargeting"
 MAPPING = (f"{TESTS}/test_arm_mapping.py",)
 LIMITER = (f"{TESTS}/test_limiter.py",)
 LIMITS = (f"{TESTS}/test_kept_limits.py",)
+PIPELINE = ("test/core/test_pipeline.py",)
 MODES = (f"{TESTS}/test_modes.py",)
 CONTACT = (f"{TESTS}/test_contact_rules.py",)
 TRACK = (f"{TESTS}/test_human_track.py",)
@@ -448,5 +449,29 @@ FAULTS = (
         "return point_m if share >= 1.0 else shoulder_m + share * (point_m - shoulder_m)",
         "return point_m if share >= 0.0 else shoulder_m + share * (point_m - shoulder_m)",
         CONTACT,
+    ),
+    Fault(
+        "inference does not hear the robot",
+        "Where the robot is does not reach inference, which then knows no start.",
+        "mild_core/pipeline.py",
+        "inference, _ = self.inference.step(inference, given, now_ns)",
+        "self.inference.step(inference, given, now_ns)",
+        PIPELINE,
+    ),
+    Fault(
+        "the last motion alone",
+        "Of several windows in one message only the last one's motion is followed.",
+        "mild_core/pipeline.py",
+        "motions += new_motions",
+        "motions = new_motions",
+        PIPELINE,
+    ),
+    Fault(
+        "the last command alone",
+        "Of several commands for one message only the last one is sent.",
+        "mild_core/pipeline.py",
+        "commands += new_commands",
+        "commands = new_commands",
+        PIPELINE,
     ),
 )
