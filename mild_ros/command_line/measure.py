@@ -19,7 +19,7 @@ from rich.table import Table
 from mild_core.errors import SetupError, unknown_name
 
 CHECKOUT = Path(__file__).resolve().parents[2]
-CONTEXT_SETTINGS = {"allow_interspersed_args": False}
+CONTEXT_SETTINGS = {"measure": {"allow_interspersed_args": False}}
 """What follows the name belongs to the bench, `--help` included."""
 
 

@@ -90,3 +90,21 @@ def test_every_command_of_the_smaller_set_up_starts_without_torch() -> None:
     assert result.returncode == 0, result.stderr
     for command in commands:
         assert f"Usage: mild {command} " in result.stdout
+
+
+ROS_ONLY = ("rclpy", "ament_index_python", "rpyutils", *MESSAGES)
+
+
+@pytest.mark.parametrize("words", [["models"], ["models", "yumi_buetepage_ahead"], ["data"]])
+def test_what_does_not_need_ros_works_without_it(words: list[str]) -> None:
+    result = _run_without(ROS_ONLY, f"from mild_ros.command_line.main import main\nmain({words!r})")
+    assert result.returncode == 0, result.stderr
+    assert "yumi" in result.stdout.lower()
+
+
+@pytest.mark.parametrize("words", [["status"], ["run", "pipeline"], ["record", "a_bag"], ["faults"]])
+def test_what_needs_ros_says_so_in_one_line(words: list[str]) -> None:
+    result = _run_without(ROS_ONLY, f"from mild_ros.command_line.main import main\nmain({words!r})")
+    assert result.returncode == 2
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert "ROS 2: is not installed here" in result.stderr

@@ -11,7 +11,10 @@ import pytest
 
 from test.habits.tree import ROOT, Import, imports, is_under, plant, python_files
 
-FOUNDATION = ("mild_core.signals", "mild_core.shapes", "mild_core.errors", "mild_core.compiled", "mild_core.fields")
+FOUNDATION = (
+    *("mild_core.signals", "mild_core.shapes", "mild_core.errors", "mild_core.compiled", "mild_core.fields"),
+    "mild_core.budgets",
+)
 STAGES = ("mild_core.perception", "mild_core.inference", "mild_core.retargeting")
 NUMERICS = ("numpy", "numba", "ruckig", "safetensors")
 
@@ -33,6 +36,7 @@ LAWS = (
     Law("mild_core/shapes.py", FOUNDATION, ("numpy",)),
     Law("mild_core/errors.py", FOUNDATION, ("numpy",)),
     Law("mild_core/fields.py", FOUNDATION, ()),
+    Law("mild_core/budgets.py", FOUNDATION, ("numpy",)),
     Law("mild_core/compiled.py", (), ("numba",)),
     Law("mild_core/perception/", (*FOUNDATION, "mild_core.perception"), NUMERICS),
     Law("mild_core/inference/", (*FOUNDATION, "mild_core.inference"), NUMERICS),
