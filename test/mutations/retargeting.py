@@ -342,8 +342,8 @@ FAULTS = (
         "back while it moves",
         "A hand that passes its rest is back there.",
         f"{HERE}/person.py",
-        "if away_m < BACK_M and self.still_s() >= BACK_AFTER_S:",
-        "if away_m < BACK_M:",
+        " and self.still_s() >= BACK_AFTER_S:",
+        ":",
         TRACK,
     ),
     Fault(
