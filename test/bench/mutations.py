@@ -30,7 +30,7 @@ from pathlib import Path
 
 from mild_core.errors import SetupError, unknown_name
 from test.mutations import FAULTS
-from test.mutations.fault import Fault, faulty
+from test.mutations.fault import INTERPRETED, Fault, faulty
 
 ROOT = Path(__file__).resolve().parents[2]
 LEFT_OUT = (".git", ".venv", ".mild", "out", "__pycache__", ".pytest_cache", ".ruff_cache", ".mypy_cache", "*.egg-info")
@@ -91,12 +91,12 @@ class Copy:
                 str(self.tree), done[1].strip() or "cannot be imported", "run ./mild measure in a checkout"
             )
 
-    def _run(self, command: Sequence[str], limit_s: float) -> tuple[int | None, str]:
+    def _run(self, command: Sequence[str], limit_s: float, interpreted: bool = False) -> tuple[int | None, str]:
         """Exit code (None when it takes too long) and output; its processes end with it."""
         with subprocess.Popen(
             command,
             cwd=self.tree,
-            env=self._environment,
+            env=self._environment | ({"NUMBA_DISABLE_JIT": "1"} if interpreted else {}),
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -112,10 +112,12 @@ class Copy:
                     os.killpg(process.pid, signal.SIGKILL)
         return code, said
 
-    def tested(self, tests: Iterable[str], limit_s: float = LIMIT_S) -> tuple[int | None, str]:
-        """Run quick tests of the copy as it is."""
+    def tested(
+        self, tests: Iterable[str], limit_s: float = LIMIT_S, interpreted: bool = False
+    ) -> tuple[int | None, str]:
+        """Run quick tests of the copy as it is; interpreted: without numba's compiler."""
         options = ("-x", "-q", "-m", QUICK, "-p", "no:cacheprovider", "--tb=line", f"--timeout={limit_s:.0f}")
-        return self._run([sys.executable, "-P", "-m", "pytest", *options, *tests], limit_s)
+        return self._run([sys.executable, "-P", "-m", "pytest", *options, *tests], limit_s, interpreted)
 
     def judge(self, fault: Fault, limit_s: float = LIMIT_S) -> Outcome:
         """Plant a fault, run the tests of its area and take it out again."""
@@ -124,7 +126,7 @@ class Copy:
         known = self._compiled()
         path.write_text(faulty(fault, self.tree))
         try:
-            code, said = self.tested(fault.tests, limit_s)
+            code, said = self.tested(fault.tests, limit_s, b"@compiled" in good and INTERPRETED.issuperset(fault.tests))
         finally:
             path.write_bytes(good)
             os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
@@ -212,6 +214,8 @@ def passing(copy: Copy, faults: Sequence[Fault], results: Results) -> None:
     print("the tests without a fault: ", end="", flush=True)
     start = time.monotonic()
     code, said = copy.tested(folders, 4 * LIMIT_S)
+    if code == 0 and (uncompiled := sorted(INTERPRETED.intersection(tests))):
+        code, said = copy.tested(uncompiled, LIMIT_S, interpreted=True)
     if code != 0:
         last = " / ".join(said.strip().splitlines()[-3:]) if code is not None else "they hang"
         raise SetupError("the tests without a fault", f"do not pass: {last}", "mend them first: ./mild check")

@@ -28,6 +28,21 @@ class Fault(NamedTuple):
     tests: tuple[str, ...]
 
 
+INTERPRETED = frozenset(
+    {
+        "test/core/inference/test_networks.py",
+        "test/core/inference/test_small_sums.py",
+        "test/core/learning/test_corpus.py",
+        "test/core/perception/test_bodies.py",
+        "test/core/retargeting/test_geometry.py",
+        "test/core/retargeting/test_guard_geometry.py",
+        "test/core/retargeting/test_obstacles.py",
+        "test/core/retargeting/test_yielding.py",
+    }
+)
+"""Tests that take seconds without numba's compiler too; by them faults of compiled functions are judged uncompiled."""
+
+
 def faulty(fault: Fault, root: Path) -> str:
     """The text of the file with the fault in it.
 

@@ -357,8 +357,8 @@ FAULTS = (
         "a reset forgets where the robot stood",
         "Starting anew loses the robot's start and the counts.",
         f"{HERE}/stage.py",
-        "replace(self.init(), start=state.start, counts=state.counts)",
-        "replace(self.init(), counts=state.counts)",
+        "start=state.start, counts=state.counts)",
+        "counts=state.counts)",
         (*START, *STAGE),
     ),
     Fault(

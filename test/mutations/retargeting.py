@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Faults of retargeting beside the guard: limiter, plan, modes, arm mapping, kinematics, limit check."""
+"""Faults of retargeting beside the guard, and of the pipeline: limiter, plan, modes, contact, arm mapping, limits."""
 
 from __future__ import annotations
 
@@ -8,11 +8,14 @@ from test.mutations.fault import Fault
 HERE = "mild_core/retargeting"
 TESTS = "test/core/retargeting"
 MAPPING = (f"{TESTS}/test_arm_mapping.py",)
-LIMITER = (f"{TESTS}/test_limiter.py", f"{TESTS}/test_following.py", f"{TESTS}/test_any_input.py")
-LIMITS = (f"{TESTS}/test_kept_limits.py", f"{TESTS}/test_following.py")
-STAGE = (f"{TESTS}/test_stage.py", f"{TESTS}/test_life.py", f"{TESTS}/test_following.py")
-PLAN = (f"{TESTS}/test_plan.py", *STAGE)
-REACH = (f"{TESTS}/test_inverse_kinematics.py", f"{TESTS}/test_kinematics.py", f"{TESTS}/test_contact_of_arms.py")
+LIMITER = (f"{TESTS}/test_limiter.py",)
+LIMITS = (f"{TESTS}/test_kept_limits.py",)
+PIPELINE = ("test/core/test_pipeline.py",)
+MODES = (f"{TESTS}/test_modes.py",)
+CONTACT = (f"{TESTS}/test_contact_rules.py",)
+TRACK = (f"{TESTS}/test_human_track.py",)
+PLAN = (f"{TESTS}/test_plan.py",)
+REACH = (f"{TESTS}/test_geometry.py", f"{TESTS}/test_inverse_kinematics.py", f"{TESTS}/test_kinematics.py")
 
 FAULTS = (
     Fault(
@@ -294,5 +297,181 @@ FAULTS = (
         "bones[1] * (self._forearm_m / lengths[1])",
         "bones[1] * (self._forearm_m / lengths[0])",
         (f"{TESTS}/test_arm_following.py",),
+    ),
+    Fault(
+        "a placement's yaw turned the other way",
+        "A person who is taken to stand to the left of the robot is looked for to its right.",
+        f"{HERE}/person.py",
+        "turn = np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])",
+        "turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])",
+        TRACK,
+    ),
+    Fault(
+        "people jump with recognition",
+        "Where a person stands changes at once with the interaction that is recognised.",
+        f"{HERE}/person.py",
+        "(way_m := math.dist(wanted, before_m)) <= most_m",
+        "(way_m := math.dist(wanted, before_m)) >= most_m",
+        TRACK,
+    ),
+    Fault(
+        "a hand guessed on for ever",
+        "A hand that is not seen any more goes on at its speed.",
+        f"{HERE}/person.py",
+        "min(max((time_ns - self.hand_ns) * 1e-9, 0.0), LONGEST_GUESS_S)",
+        "max((time_ns - self.hand_ns) * 1e-9, 0.0)",
+        TRACK,
+    ),
+    Fault(
+        "velocity gain per frame",
+        "The tracked velocity depends on the rate of the tracker.",
+        f"{HERE}/person.py",
+        "VELOCITY_GAIN / elapsed_s * error",
+        "VELOCITY_GAIN * error",
+        TRACK,
+    ),
+    Fault(
+        "a withdrawn hand is offered",
+        "Whether a hand is offered is judged by where it is and not by where it goes.",
+        f"{HERE}/person.py",
+        "soon_m = self.hand_m + WITHDRAWING_S * self.velocity_m_s",
+        "soon_m = self.hand_m - WITHDRAWING_S * self.velocity_m_s",
+        TRACK,
+    ),
+    Fault(
+        "back while it moves",
+        "A hand that passes its rest is back there.",
+        f"{HERE}/person.py",
+        " and self.still_s() >= BACK_AFTER_S:",
+        ":",
+        TRACK,
+    ),
+    Fault(
+        "still since it was first seen",
+        "How long a hand is still does not begin anew when it moves.",
+        f"{HERE}/person.py",
+        "still_ns=pose.stamp_ns if moved else self.still_ns,",
+        "still_ns=self.still_ns,",
+        TRACK,
+    ),
+    Fault(
+        "farthest is newest",
+        "How far a hand has come is forgotten on its way back.",
+        f"{HERE}/person.py",
+        "return replace(self, farthest_m=away_m) if away_m > self.farthest_m else self",
+        "return replace(self, farthest_m=away_m)",
+        TRACK,
+    ),
+    Fault(
+        "a hold that waits for the hand",
+        "The operator's hold comes after a motion that may be followed.",
+        f"{HERE}/modes.py",
+        "    if given.held:\n        return Mode.HELD\n",
+        "    if given.held and not (given.usable and given.raised):\n        return Mode.HELD\n",
+        MODES,
+    ),
+    Fault(
+        "a silent robot is followed on",
+        "A robot that has ceased to say where it is gets commands.",
+        f"{HERE}/modes.py",
+        "if given.displaced or given.silent or mode is Mode.HELD:",
+        "if given.displaced or mode is Mode.HELD:",
+        MODES,
+    ),
+    Fault(
+        "started by a motion alone",
+        "The robot starts without the person's hand being raised.",
+        f"{HERE}/modes.py",
+        "if given.usable and given.raised:",
+        "if given.usable:",
+        MODES,
+    ),
+    Fault(
+        "a hold without an end",
+        "The robot never goes home by itself.",
+        f"{HERE}/modes.py",
+        "return Mode.RETURNING if given.patience_over else mode",
+        "return mode",
+        MODES,
+    ),
+    Fault(
+        "hands meet from afar",
+        "Inverse kinematics takes over while the robot's own hand is still far.",
+        f"{HERE}/contact.py",
+        "wanted = min(wanted, self._nearness(here, hand_m))",
+        "wanted = max(wanted, self._nearness(here, hand_m))",
+        CONTACT,
+    ),
+    Fault(
+        "precisions exchanged",
+        "The surer the model, the more the seen hand counts.",
+        f"{HERE}/contact.py",
+        "return learned / (learned + SEEN_TO_M**2)",
+        "return SEEN_TO_M**2 / (learned + SEEN_TO_M**2)",
+        CONTACT,
+    ),
+    Fault(
+        "a deviation for a variance",
+        "The doubt of a standing place is not squared.",
+        f"{HERE}/contact.py",
+        "learned = STANDING_TO_M**2 +",
+        "learned = STANDING_TO_M +",
+        CONTACT,
+    ),
+    Fault(
+        "hands part at once",
+        "The share of the person's hand jumps.",
+        f"{HERE}/contact.py",
+        "share += min(max(wanted - share, -most), most)",
+        "share += wanted - share",
+        CONTACT,
+    ),
+    Fault(
+        "a withdrawn hand is followed",
+        "A hand that is taken back draws the robot along.",
+        f"{HERE}/contact.py",
+        "withdrawn = not offered and wanted < PARTED",
+        "withdrawn = offered and wanted < PARTED",
+        CONTACT,
+    ),
+    Fault(
+        "stiff in the hand",
+        "The arm is soft on its way and stiff while hands touch.",
+        f"{HERE}/contact.py",
+        "smooth((ARRIVING_M - touch.apart_m) / (ARRIVING_M - IN_HAND_M))",
+        "smooth((touch.apart_m - IN_HAND_M) / (ARRIVING_M - IN_HAND_M))",
+        CONTACT,
+    ),
+    Fault(
+        "sent beyond its reach",
+        "The hand is sent where the arm is straight.",
+        f"{HERE}/contact.py",
+        "return point_m if share >= 1.0 else shoulder_m + share * (point_m - shoulder_m)",
+        "return point_m if share >= 0.0 else shoulder_m + share * (point_m - shoulder_m)",
+        CONTACT,
+    ),
+    Fault(
+        "inference does not hear the robot",
+        "Where the robot is does not reach inference, which then knows no start.",
+        "mild_core/pipeline.py",
+        "inference, _ = self.inference.step(inference, given, now_ns)",
+        "self.inference.step(inference, given, now_ns)",
+        PIPELINE,
+    ),
+    Fault(
+        "the last motion alone",
+        "Of several windows in one message only the last one's motion is followed.",
+        "mild_core/pipeline.py",
+        "motions += new_motions",
+        "motions = new_motions",
+        PIPELINE,
+    ),
+    Fault(
+        "the last command alone",
+        "Of several commands for one message only the last one is sent.",
+        "mild_core/pipeline.py",
+        "commands += new_commands",
+        "commands = new_commands",
+        PIPELINE,
     ),
 )

@@ -91,6 +91,19 @@ def test_first_frame_weighs_the_start_by_the_widened_observed_block(kind):
 
 
 @EVERY_PRIOR
+def test_a_component_explains_a_frame_by_its_widened_observed_block(kind):
+    prior = fitted(kind)
+    frame, noise = demonstrations(5)[0][40, :OBSERVED], np.diag([0.05, 0.2, 0.4])
+    found = prior.explain(frame, noise)
+    block = prior.components.covariance[:, :OBSERVED, :OBSERVED] + noise
+    apart = frame - prior.components.mean[:, :OBSERVED]
+    mahalanobis = np.sqrt(np.einsum("ka,kab,kb->k", apart, np.linalg.inv(block), apart))
+    np.testing.assert_allclose(found.distances, mahalanobis, atol=EXACT)
+    densities = log_density(Gaussian(prior.components.mean[:, :OBSERVED], block), frame)
+    np.testing.assert_allclose(found.log_emissions, densities, atol=EXACT)
+
+
+@EVERY_PRIOR
 def test_condition_mixes_the_conditioned_components(kind):
     prior = fitted(kind)
     frame, noise = demonstrations(4)[0][30, :OBSERVED], 0.05 * np.eye(OBSERVED)

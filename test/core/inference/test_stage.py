@@ -10,13 +10,21 @@ import pytest
 
 from mild_core.errors import SetupError
 from mild_core.inference.gaussian import Gaussian
+from mild_core.inference.manifest import NetworkSpec
 from mild_core.inference.mixing import NEGLIGIBLE_WEIGHT
 from mild_core.inference.model import build_model
 from mild_core.inference.motion_model import MildModel
 from mild_core.inference.priors.chain import run_filter
 from mild_core.inference.stage import Inference
 from mild_core.signals import FeatureWindow
-from test.core.inference.random_model import INTERACTIONS, manifest, paper_member, random_arrays, recurrent_member
+from test.core.inference.random_model import (
+    INTERACTIONS,
+    dense,
+    manifest,
+    paper_member,
+    random_arrays,
+    recurrent_member,
+)
 
 PERIOD_NS = 25_000_000
 JOINTS = ("shoulder", "elbow", "hand")
@@ -124,6 +132,19 @@ def test_copies_take_turns_and_members_are_averaged(full_model):
         expected = spreads.mean(axis=0) + apart.T @ apart / len(apart) + full_model.residual_covariance
         np.testing.assert_allclose(answer.covariance, expected, atol=CLOSE)
         assert answer.out_of_distribution == pytest.approx(scores.mean(), abs=CLOSE)
+
+
+def test_a_decoder_sees_the_belief_that_its_latent_was_mixed_with():
+    member = recurrent_member()
+    member["decoder"] = NetworkSpec(("controlled", "belief"), dense((5 + 4, 20, 280)))
+    of = manifest((member,), components=4)
+    model = build_model(of, random_arrays(of, 6))
+    by_hand = ByHand(model, 0, 1)
+    _, answers = run(Inference(model, "hand_shake"), windows(10))
+    for window, answer in zip(windows(10), answers, strict=True):
+        motion, weights, _, _ = by_hand.step(window)
+        np.testing.assert_allclose(answer.positions, motion, atol=CLOSE)
+        np.testing.assert_allclose(answer.belief, weights, atol=CLOSE)
 
 
 def test_covariance_is_a_covariance(full_model):

@@ -89,6 +89,35 @@ def test_a_tracker_that_slows_down_is_followed() -> None:
     assert cadence.interval_ns == pytest.approx(3 * PERIOD_NS, rel=0.01)
 
 
+@pytest.mark.parametrize(
+    ("interval_ms", "estimated_ms", "missed"),
+    [
+        (50.0, 90.0, 0),  # at most a tenth shorter at once
+        (96.0, 96.0, 0),
+        (104.0, 104.0, 0),
+        (140.0, 105.0, 0),  # at most a twentieth longer at once: losses lengthen intervals
+        (160.0, 105.0, 1),
+        (300.0, 105.0, 2),
+        (1.0, 90.0, 0),  # two messages in a burst are not less than none missed
+    ],
+)
+def test_one_interval_changes_the_estimate_a_little(interval_ms: float, estimated_ms: float, missed: int) -> None:
+    cadence, lost = Cadence(0, 100e6).after(round(interval_ms * 1e6))
+    assert (cadence.interval_ns / 1e6, lost) == (pytest.approx(estimated_ms), missed)
+
+
+@pytest.mark.parametrize(("interval_ms", "gap"), [(101.0, False), (149.0, False), (151.0, True), (200.0, True)])
+def test_a_span_in_which_a_frame_should_have_been_is_a_gap(interval_ms: float, gap: bool) -> None:
+    assert Cadence(0, 100e6).is_gap(round(interval_ms * 1e6)) == gap
+    assert not Cadence(0).is_gap(round(interval_ms * 1e6))  # of a second frame nobody knows the rate
+
+
+def test_grid_points_lie_on_the_nearest_nanosecond() -> None:
+    _, stamps, _ = resample(Grid(5, 1, 5, ramp(5)), 200_000_005, ramp(200_000_005), 30.0)
+    assert stamps == [5 + round(index * 1e9 / 30.0) for index in range(1, 7)]
+    assert stamps[1] == 66_666_672
+
+
 def test_bones_get_their_lengths_and_keep_their_directions() -> None:
     arms = np.random.default_rng(4).normal(size=(50, 4, 3))
     lengths = (0.18, 0.2, 0.05)
