@@ -484,7 +484,7 @@ def walk_off(rng: Rng) -> Setting:
 def child(rng: Rng) -> Setting:
     name = ("handshake", "parachute", "hand_wave")[rng.integers(3)]
     arm, end_s = gesture(name, rng)
-    sizes, root = standing(rng, (0.72, 0.1, 0.0), rng.uniform(1.05, 1.2))
+    sizes, root = standing(rng, (0.72, 0.1, 0.0), rng.uniform(1.05, 1.25), rng.uniform(-0.05, 0.15))
     person = Person(sizes, root, right=arm, floor_m=FLOOR_M + rng.uniform(0.0, 0.2), offers="right")
     return Setting((person,), end_s + 3.0, Expectation(KEPT))
 
