@@ -249,7 +249,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes at once (all cores)")
     parser.add_argument("--quick", action="store_true", help="a few scenes, one run each: under a minute")
     parser.add_argument("--json", type=Path, metavar="FILE", help="keep every run here, and resume from it")
-    parser.add_argument("--write", type=Path, metavar="FILE", help="write the page of the documentation, of all scenes")
+    parser.add_argument(
+        "--write", type=Path, metavar="FILE", help="bring the measured part of docs/safety.md up to date"
+    )
     parser.add_argument("--list", action="store_true", help="name the scenes and end")
     given = parser.parse_args(argv)
     try:
@@ -281,7 +283,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     if given.write is not None:
         from test.bench.people_page import page
 
-        given.write.write_text(page(results))
+        try:
+            given.write.write_text(page(given.write.read_text(), results))
+        except (OSError, SetupError) as error:
+            print(error, file=sys.stderr)
+            return 2
     return 1 if broken else 0
 
 
