@@ -108,8 +108,8 @@ def verdicts(results: Sequence[Result]) -> list[Verdict]:
         if broken:
             _, least, worst = min(broken, key=lambda each: each[0])
             kind = min(worst.judgement.clearance_m, key=worst.judgement.clearance_m.__getitem__)
-            at_s = worst.judgement.clearance_s[kind]
-            figure = f"{len(broken)} of {len(results)}, {100 * least:.1f} cm, {kind}, seed {worst.seed}, {at_s:.2f} s"
+            at = worst.judgement.clearance_at[kind]
+            figure = f"{len(broken)} of {len(results)}, {100 * least:.1f} cm, {at}, seed {worst.seed}"
             found.append(Verdict("distance", False, figure))
         else:
             found.append(Verdict("distance", True, f"{100 * nearest_m(results, ''):.1f} cm"))

@@ -53,7 +53,7 @@ class Judgement:
 
     Attributes:
         clearance_m: Least distance by kind of body, of `KINDS`; negative where they overlap; absent where none was.
-        clearance_s: When that was.
+        clearance_at: What and when that was.
         offered_m: Least distance to what is offered.
         still_m_s: Largest speed of a point of the robot near a body that stands still, by band.
         moving_m_s: The same near any other.
@@ -70,7 +70,7 @@ class Judgement:
     """
 
     clearance_m: dict[str, float] = field(default_factory=dict)
-    clearance_s: dict[str, float] = field(default_factory=dict)
+    clearance_at: dict[str, str] = field(default_factory=dict)
     offered_m: float | None = None
     still_m_s: list[float] = field(default_factory=lambda: [0.0] * len(BANDS_M))
     moving_m_s: list[float] = field(default_factory=lambda: [0.0] * len(BANDS_M))
@@ -457,7 +457,8 @@ def _note(result: Judgement, crowd: _Crowd, index: int, apart: float, time_s: fl
         return
     kind = _kind(crowd, index)
     if apart < result.clearance_m.get(kind, np.inf):
-        result.clearance_m[kind], result.clearance_s[kind] = float(apart), time_s
+        result.clearance_m[kind] = float(apart)
+        result.clearance_at[kind] = f"{_name(crowd, index)} at {time_s:.2f} s"
 
 
 def _speeds(

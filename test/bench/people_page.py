@@ -93,7 +93,8 @@ def figure(claim: Claim, results: Sequence[Result]) -> str:
         over, near = sum(each.towards_over for each in judged), sum(each.near for each in judged)
         braking = sum(each.towards_braking for each in judged)
         peak = max(each.towards_m_s for each in judged)
-        return f"{100 * over / max(near, 1):.3f} % of {near} commands near people above, by {peak:.2f} m/s at most; {braking} braking"
+        share = f"{100 * over / max(near, 1):.3f} % of {near} commands near people above"
+        return f"{share}, by {peak:.2f} m/s at most; {braking} braking"
     if claim.promise == "start" and claim.scenes == IDLE:
         counts = []
         for name in IDLE:

@@ -524,7 +524,7 @@ def near_fast_motion(rng: Rng) -> Setting:
     beats = [(time_s, (*hand[:2], hand[2] + 0.07 * (beat % 2), 1.0)) for beat, time_s in enumerate(range(5, 14, 2), 1)]
     beats = [each for time_s, key in beats for each in ((time_s - 0.4, key), (time_s + 1.0, key))]
     way = path((1.8, (*hand, 0.0)), (2.6, (*hand, 1.0)), *beats)
-    sizes, root = standing(rng, (rng.uniform(0.7, 0.95), rng.uniform(-0.35, 0.15), 0.0))
+    sizes, root = standing(rng, (hand[0] + rng.uniform(0.38, 0.48), hand[1] + rng.uniform(-0.1, 0.25), 0.0))
     person = Person(sizes, root, floor_m=FLOOR_M, offers="right", reach=(("right", way),))
     return Setting((person,), 14.0, Expectation(KEPT), motions=target)
 
