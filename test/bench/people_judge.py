@@ -34,7 +34,7 @@ STILL_M_S, STILL_FOR_S = 0.05, 0.3
 FINE_M, FINE_S = 0.12, 0.002
 """Nearer than this distances are taken at every 2 ms, between commands too."""
 
-GRID_M, BETWEEN_M, DEEP_M = 0.02, 0.015, 0.06
+GRID_M, BETWEEN_M, DEEP_M = 0.03, 0.02, 0.06
 """Points on the robot's surface are so far apart; nothing of it is nearer by more than the second, nor deeper inside of
 a body by more than the third."""
 
@@ -181,7 +181,8 @@ class RobotShapes:
             turn = np.array(self.bullet.getMatrixFromQuaternion(state[5])).reshape(3, 3)
             world = local @ turn.T + state[4]
             places.append(world)
-            speeds.append(np.array(state[6]) + np.cross(np.array(state[7]), world - state[0]))
+            (wx, wy, wz), (x, y, z) = state[7], (world - state[0]).T
+            speeds.append(np.stack([wy * z - wz * y, wz * x - wx * z, wx * y - wy * x], axis=1) + state[6])
         return np.concatenate(places), np.concatenate(speeds)
 
     def bodies(self, capsules: Sequence[Capsule], starts: Array, ends: Array) -> list[int]:
@@ -342,12 +343,22 @@ def _look(
         (3,) largest speed near those that stand still, the number of that capsule and its distance;
         (2,) largest excess of a speed towards one that moves, and its number.
     """
+    middle, reach = np.zeros(3), 0.0
+    for p in range(len(points)):
+        middle += points[p] / len(points)
+    for p in range(len(points)):
+        reach = max(reach, ((points[p] - middle) ** 2).sum() ** 0.5)
     nearest = np.full(len(radii), np.inf)
     fastest = np.zeros((2, len(bands)))
     worst_still, worst_towards = np.array([0.0, -1.0, 0.0]), np.array([0.0, -1.0])
     for c in range(len(radii)):
         ax, ay, az = ends[c] - starts[c]
         square = max(ax * ax + ay * ay + az * az, 1e-12)
+        x, y, z = middle - starts[c]
+        share = min(max((x * ax + y * ay + z * az) / square, 0.0), 1.0)
+        x, y, z = share * ax - x, share * ay - y, share * az - z
+        if (x * x + y * y + z * z) ** 0.5 - radii[c] - reach >= bands[-1]:
+            continue  # too far from all of the arm
         for p in range(len(points)):
             x, y, z = points[p] - starts[c]
             share = min(max((x * ax + y * ay + z * az) / square, 0.0), 1.0)
