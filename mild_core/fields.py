@@ -68,6 +68,13 @@ class Fields:
             raise self.wrong(key, f"is {value}, not within {lower:g} to {upper:g}")
         return float(value)
 
+    def flag(self, key: str) -> bool:
+        """True or false."""
+        value = self.take(key)
+        if not isinstance(value, bool):
+            raise self.wrong(key, "is neither true nor false")
+        return value
+
     def integer(self, key: str, lower: int, upper: int) -> int:
         """A whole number within bounds."""
         value = self.number(key, lower, upper)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from mild_core.inference.stage import Inference
 from mild_core.inference.state import InferenceState
 from mild_core.perception.stage import Perception, PerceptionState
-from mild_core.retargeting.stage import Request, Retargeting, RetargetingState
+from mild_core.retargeting.stage import Request, Retargeting, RetargetingInput, RetargetingState
 from mild_core.signals import FeatureWindow, JointCommand, JointMeasurement, MotionWindow, PersonPose, SkeletonFrame
 
 People = tuple[SkeletonFrame, ...]
@@ -54,24 +54,38 @@ class Pipeline:
         return PipelineState(self.perception.init(), self.inference.init(), self.retargeting.init())
 
     def step(self, state: PipelineState, given: PipelineInput, now_ns: int) -> tuple[PipelineState, PipelineOutput]:
-        """Take one input at time `now_ns` and return the next state and what came of it."""
-        if not isinstance(given, tuple):
-            inference = state.inference
-            if isinstance(given, JointMeasurement):
-                inference, _ = self.inference.step(inference, given, now_ns)
-            retargeting, commands = self.retargeting.step(state.retargeting, given, now_ns)
-            return replace(state, inference=inference, retargeting=retargeting), PipelineOutput(commands=commands)
-        perception, windows = self.perception.step(state.perception, given, now_ns)
-        inference = state.inference
-        motions: tuple[MotionWindow, ...] = ()
-        for window in windows:
-            inference, new_motions = self.inference.step(inference, window, now_ns)
-            motions += new_motions
-        retargeting, commands = state.retargeting, ()
-        if perception.person is not None:
-            retargeting, _ = self.retargeting.step(retargeting, perception.person, now_ns)
-        for motion in motions:
-            retargeting, new_commands = self.retargeting.step(retargeting, motion, now_ns)
+        """Take one input at time `now_ns` and return the next state and what came of it.
+
+        A request to reset goes to all three stages; they forget the person and keep their counts.
+        """
+        perception, inference, seen = self.observe(state.perception, state.inference, given, now_ns)
+        retargeting = state.retargeting
+        commands: tuple[JointCommand, ...] = ()
+        for part in inputs_of_retargeting(given, seen):
+            retargeting, new_commands = self.retargeting.step(retargeting, part, now_ns)
             commands += new_commands
-        output = PipelineOutput(windows, motions, commands, perception.person)
-        return PipelineState(perception, inference, retargeting), output
+        return PipelineState(perception, inference, retargeting), replace(seen, commands=commands)
+
+    def observe(
+        self, perception: PerceptionState, inference: InferenceState, given: PipelineInput, now_ns: int
+    ) -> tuple[PerceptionState, InferenceState, PipelineOutput]:
+        """The part of `step` before retargeting, for a node whose control runs beside its reception."""
+        if isinstance(given, tuple):
+            perception, windows = self.perception.step(perception, given, now_ns)
+            motions: tuple[MotionWindow, ...] = ()
+            for window in windows:
+                inference, new_motions = self.inference.step(inference, window, now_ns)
+                motions += new_motions
+            return perception, inference, PipelineOutput(windows, motions, person=perception.person)
+        if isinstance(given, JointMeasurement):
+            inference, _ = self.inference.step(inference, given, now_ns)
+        if given == Request("reset"):
+            perception, inference = self.perception.afresh(perception), self.inference.afresh(inference)
+        return perception, inference, PipelineOutput()
+
+
+def inputs_of_retargeting(given: PipelineInput, seen: PipelineOutput) -> tuple[RetargetingInput, ...]:
+    """What retargeting takes, in order, of an input of which perception and inference made `seen`."""
+    if not isinstance(given, tuple):
+        return (given,)
+    return (*(() if seen.person is None else (seen.person,)), *seen.motions)

@@ -6,10 +6,14 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from mild_core.budgets import parse_json, read_file
 from mild_core.errors import SetupError
 from mild_core.perception.calibration import Calibration, calibration_from_mapping
-from mild_ros.diagnostics import Diagnostics
+
+if TYPE_CHECKING:
+    from mild_ros.diagnostics import Diagnostics
 
 LARGEST_BYTES = 10_000
 """A calibration takes some 500 bytes."""
@@ -40,10 +44,9 @@ class CalibrationFile:
         if self._path is None or not self._path.exists():
             return None
         try:
-            with self._path.open("rb") as file:
-                values = json.loads(file.read(LARGEST_BYTES))
-            self._kept = calibration_from_mapping(values)
-        except (OSError, ValueError, SetupError) as error:
+            content = read_file(self._path, LARGEST_BYTES)
+            self._kept = calibration_from_mapping(parse_json(content))
+        except (ValueError, SetupError) as error:
             why = error.problem if isinstance(error, SetupError) else str(error)
             raise SetupError(f"calibration_file {self._path}", why, "remove it and calibrate again") from None
         return self._kept

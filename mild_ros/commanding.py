@@ -94,11 +94,13 @@ class Commanding:
         if self._contested:
             self._diagnostics.alarms["contest"] = (DiagnosticStatus.ERROR, self._contest(others, topic))
 
-    def tell(self, state: RetargetingState) -> None:
+    def tell(self, state: RetargetingState, now_ns: int) -> None:
         """Say what retargeting does and why."""
         alarms = self._diagnostics.alarms
         alarms.pop("mode", None)
-        if state.displaced:
+        if state.joints.disagree(now_ns):
+            alarms["mode"] = (DiagnosticStatus.ERROR, f"holding: {self._contradiction()}")
+        elif state.displaced:
             alarms["mode"] = (DiagnosticStatus.WARN, "holding: the robot is not where it was told to be")
         elif state.silent:
             alarms["mode"] = (DiagnosticStatus.WARN, "holding: the robot has ceased to say where it is")
@@ -106,6 +108,15 @@ class Commanding:
             alarms["mode"] = (DiagnosticStatus.WARN, ATTENTION[state.mode])
         self._diagnostics.facts["mode"] = state.mode.value
         self._diagnostics.summary = state.mode.value
+
+    def _contradiction(self) -> str:
+        """Who says that the robot is in two places."""
+        found = self._node.get_publishers_info_by_topic(self._node.resolve_topic_name("joint_states"))
+        names = ", ".join(sorted(f"{one.node_namespace.rstrip('/')}/{one.node_name}" for one in found))
+        if len(found) > 1:
+            count = {2: "two", 3: "three"}.get(len(found), str(len(found)))
+            return f"{count} publishers of joint_states disagree: {names}"
+        return f"joint_states contradict each other{names and f' (from {names})'}: a joint cannot move so fast"
 
     def _contest(self, others: int, topic: str) -> str:
         topic = self._node.resolve_topic_name(topic)

@@ -26,6 +26,20 @@ class ControllerParameters:
     position_order: tuple[str, ...] = parameter(
         (), "Names of the joints in the order of `position_command`; empty for that of `joint_command`."
     )
+    max_expected_latency_s: float = parameter(
+        0.1,
+        "Longest time from a command to the controller's taking a `joint_trajectory`; commands are made 0.06 s more "
+        "than this ahead of their execution, so that late and lost messages do no harm.",
+        unit="s",
+        minimum=0.0,
+        maximum=0.5,
+    )
     trajectory_s: float = parameter(
-        0.2, "How far ahead `joint_trajectory` follows before its smooth stop.", unit="s", minimum=0.02, maximum=1.0
+        0.16,
+        "How far ahead `joint_trajectory` follows the motion before its smooth stop; at least "
+        "`max_expected_latency_s` and 0.06 s. The longer, the more lost messages do no harm, and the later the robot "
+        "reacts.",
+        unit="s",
+        minimum=0.02,
+        maximum=1.0,
     )

@@ -3,25 +3,16 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 
-from mild_core.errors import SetupError, unknown_name
-from mild_core.retargeting.foresight import foreseen
+from mild_core.errors import SetupError
 from mild_core.retargeting.stage import Retargeting
 from mild_core.retargeting.state import RetargetingState
 from mild_core.signals import JointCommand
+from mild_ros.controller_messages import ControllerMessages
 from mild_ros.controller_settings import ControllerParameters
-from mild_ros.controllers import OUTPUTS
-from mild_ros.controllers.output import Outgoing
 from mild_ros.joint_naming import JointNaming
-from mild_ros.message_types import message_class
 from mild_ros.quality_of_service import COMMAND
-
-FORESIGHT_PERIOD_S = 0.02
-"""Between points of a trajectory; in between a controller's own spline is within the robot's jerk of ours."""
 
 
 class ControllerTopics:
@@ -41,36 +32,16 @@ class ControllerTopics:
     """
 
     def __init__(self, node: Node, parameters: ControllerParameters, stage: Retargeting, naming: JointNaming) -> None:
-        self._parameters, self._stage, self._naming = parameters, stage, naming
-        self._order = parameters.position_order or naming.theirs
-        if sorted(self._order) != sorted(naming.theirs):
-            raise SetupError(
-                "parameter position_order",
-                f"is not the joints of {stage.robot.name}",
-                f"order {', '.join(naming.theirs)}",
-            )
-        self._publishers: dict[str, tuple[Publisher, type]] = {}
-        self._sent_ns: dict[str, int] = {}
-        for name in parameters.outputs:
-            if name not in OUTPUTS:
-                raise unknown_name("parameter outputs", name, OUTPUTS)
-            kind = message_class(OUTPUTS[name].type_name)
-            if kind is None:
-                package = OUTPUTS[name].type_name.split("/")[0]
-                raise SetupError(f"output {name}", f"needs the package {package}", f"install {package} of ROS 2")
-            self._publishers[name] = node.create_publisher(kind, name, COMMAND), kind
+        self._messages = ControllerMessages(parameters, stage, naming)
+        for name, type_name in self._messages.absent.items():
+            package = type_name.split("/")[0]
+            raise SetupError(f"output {name}", f"needs the package {package}", f"install {package} of ROS 2")
+        self._publishers = {
+            name: node.create_publisher(kind, name, COMMAND) for name, kind in self._messages.kinds.items()
+        }
         self.topics = tuple(self._publishers)
 
     def send(self, command: JointCommand, state: RetargetingState) -> None:
         """Publish the newest command, after which the stage is in `state`, in every form that is due."""
-        for name, (publisher, kind) in self._publishers.items():
-            since_s = (command.stamp_ns - self._sent_ns.get(name, 0)) * 1e-9
-            if 0.0 <= since_s < OUTPUTS[name].period_s:
-                continue
-            self._sent_ns[name] = command.stamp_ns
-            ahead = partial(self._foreseen, state, command.stamp_ns)
-            outgoing = Outgoing(self._naming.told(command), ahead, self._stage.robot, self._order)
-            publisher.publish(OUTPUTS[name].message(kind, outgoing))
-
-    def _foreseen(self, state: RetargetingState, now_ns: int) -> tuple[JointCommand, ...]:
-        return foreseen(self._stage, state, now_ns, self._parameters.trajectory_s, FORESIGHT_PERIOD_S)
+        for due in self._messages.after((command,), state):
+            self._publishers[due.topic].publish(due.message)

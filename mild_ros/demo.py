@@ -8,6 +8,7 @@ import shutil
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 
 from mild_core.errors import SetupError
@@ -15,6 +16,7 @@ from mild_ros.assembly.perception import skeleton_source
 from mild_ros.bag_people import skeleton_feeds
 from mild_ros.bag_settings import FIRST_HEARD
 from mild_ros.bags import open_bag
+from mild_ros.command_topics import JOINT_COMMAND
 from mild_ros.parameter_files import changed
 from mild_ros.processes import Nodes, private_domain
 from mild_ros.settings import PipelineParameters
@@ -26,7 +28,7 @@ PATIENCE_S = 600.0
 """For nodes to start: the first start compiles, and a busy machine takes its time."""
 
 TOPICS = (
-    *("joint_states", "joint_command", "motion", "motion_state", "interaction", "true_motion", "handled"),
+    *("joint_states", JOINT_COMMAND, "motion", "motion_state", "interaction", "true_motion", "handled"),
     "/diagnostics",
 )
 """Recorded beside the skeletons: enough for every picture. Windows and beliefs would be published for that alone."""
@@ -83,6 +85,7 @@ def run_nodes(
     Raises:
         SetupError: The bag is broken, or a node failed.
     """
+    import_module("rclpy")  # where it is missing, that is told here and not by the first node
     with open_bag(bag, salvage=options.salvage) as opened:
         duration_s = max(opened.duration_s - options.start_s, LOOK_S) / options.rate
         feeds = skeleton_feeds(opened, skeleton_source(options.pipeline), options.skeleton_topic)
@@ -106,8 +109,9 @@ def _start_listeners(nodes: Nodes, recorded: Path, skeleton_topics: list[str], o
     sim_time = {"use_sim_time": True} if options.lock_step else {}
     told = changed(options.pipeline)
     simulated = {name: told[name] for name in ("robot", "robot_description") if name in told}
+    outputs = options.pipeline.outputs
     nodes.start("simulation", simulated | sim_time)
-    nodes.start("record", {"bag": recorded.resolve(), "topics": [*TOPICS, *skeleton_topics]} | sim_time)
+    nodes.start("record", {"bag": recorded.resolve(), "topics": [*TOPICS, *outputs, *skeleton_topics]} | sim_time)
     nodes.start("pipeline", told | {"report_handled": True} | sim_time)
 
 

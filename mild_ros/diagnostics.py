@@ -23,8 +23,8 @@ REPEAT_S = 5.0
 
 UNREMARKABLE = {
     "perception": {"accepted", "calibrating", "calibrated", "nobody"},
-    "inference": {"accepted", "measured"},
-    "retargeting": {"accepted", "tick", "measured", "person", "not_enabled"}
+    "inference": {"accepted", "measured", "other_joints"},
+    "retargeting": {"accepted", "tick", "measured", "other_joints", "person", "not_enabled"}
     | {"enabled", "disabled", "reset", "held", "released"},
 }
 """Outcomes of a stage that need no warning; any other is an input that could not be used."""

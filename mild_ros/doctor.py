@@ -18,7 +18,7 @@ from typing import Any
 
 from mild_core.errors import MildError
 from mild_core.inference.model import load_model
-from mild_ros.processes import DOMAINS
+from mild_ros.processes import DOMAINS, PYTHON
 from mild_ros.share import model_folder, model_names
 from mild_ros.simulation.quiet import quiet_terminal
 
@@ -153,7 +153,7 @@ def running_nodes() -> Finding:
 
 def _heard(*questions: tuple[object, ...]) -> list[Any]:
     """The answers of `mild_ros.hearing`, asked all at once; of one that failed, the last line that it said."""
-    command = [sys.executable, "-m", "mild_ros.hearing"]
+    command = [*PYTHON, "-m", "mild_ros.hearing"]
     asked = [
         subprocess.Popen([*command, *map(str, words)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         for words in questions

@@ -20,6 +20,7 @@ from mild_core.errors import SetupError, unknown_name
 from mild_core.perception.skeletons import SOURCES, SkeletonSource
 from mild_ros.bag_settings import RecordParameters, ReplayParameters
 from mild_ros.command_line.main import COMMANDS
+from mild_ros.command_topics import command_types
 from mild_ros.demonstrations.settings import CutParameters
 from mild_ros.faults.broken_bags import bag_faults_markdown
 from mild_ros.messages.skeletons import ADAPTERS
@@ -85,7 +86,7 @@ TOPICS = (
     ),
     Topic(
         *("joint_trajectory", "trajectory_msgs/JointTrajectory", "retargeting", "JointTrajectoryController"),
-        "the next moments and then a smooth stop; with that in `outputs`",
+        "promised points and then a smooth stop; with that in `outputs`",
     ),
     Topic(
         *("position_command", "std_msgs/Float64MultiArray", "retargeting", "forward_command_controller"),
@@ -139,7 +140,7 @@ DELIVERY = {
         "`feature_window`, `person`, `motion`, `motion_state`, `belief`, `markers`; all of a replay",
         BETWEEN_STAGES,
     ),
-    "COMMAND": ("`joint_command`, `joint_trajectory`, `position_command`, `joint_angles`", COMMAND),
+    "COMMAND": (", ".join(f"`{topic}`" for topic in command_types()), COMMAND),
     "LATCHED": ("`interaction`, `mode`, `stiffness`, `robot_description`", LATCHED),
     "STATIC_TRANSFORMS": ("`/tf_static`", STATIC_TRANSFORMS),
     "FATE": ("`handled`", FATE),

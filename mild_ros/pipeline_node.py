@@ -13,7 +13,7 @@ from mild_core.errors import DataError
 from mild_core.pipeline import PipelineInput, PipelineOutput
 from mild_core.retargeting.stage import Request
 from mild_ros.assembly.inference import load
-from mild_ros.assembly.pipeline import forgotten, make_pipeline
+from mild_ros.assembly.pipeline import make_pipeline
 from mild_ros.calibration_file import CalibrationFile
 from mild_ros.clock import NodeClock
 from mild_ros.commanding import Commanding
@@ -96,15 +96,13 @@ class PipelineNode(Node):
             self._diagnostics.took(what, self._time.now_ns() - self._behind_ns)
 
     def _request(self, request: Request) -> None:
-        if request.kind == "reset":
-            self._state = forgotten(self._pipeline, self._state)
         now_ns = self._time.now_ns()
         self._step(request, now_ns)
         self._fates.report("retargeting", 0, self._state.retargeting.outcome, now_ns)
 
     def _look(self) -> None:
         self._commanding.look_for_others()
-        self._commanding.tell(self._state.retargeting)
+        self._commanding.tell(self._state.retargeting, self._time.now_ns())
 
 
 def main() -> int:

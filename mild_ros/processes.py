@@ -31,6 +31,9 @@ FIRST_PORT, PORTS_PER_DOMAIN = 7400, 250
 POLITE_S, FIRM_S = 10.0, 5.0
 """How long a node may take to end after SIGINT, and after SIGTERM."""
 
+PYTHON = (sys.executable, "-P")
+"""How a child of ours starts: what lies in the current folder is never taken for a module."""
+
 _DIE_WITH_PARENT = 1
 """PR_SET_PDEATHSIG of prctl(2)."""
 
@@ -91,6 +94,7 @@ class Nodes:
             ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
             ROS_LOG_DIR=str(log_folder),
             PYTHONUNBUFFERED="1",
+            PYTHONSAFEPATH="1",
         )
         self._prctl = ctypes.CDLL(None).prctl
 
@@ -105,9 +109,9 @@ class Nodes:
 
     def start(self, name: str, parameters: Mapping[str, object], topics: Mapping[str, str] | None = None) -> None:
         """Start the executable `name` of ours with these parameters, and with other names for its `topics`."""
-        words = [word for key, value in parameters.items() for word in ("-p", f"{key}:={_as_yaml(value)}")]
+        words = [word for key, value in parameters.items() for word in ("-p", f"{key}:={as_yaml(value)}")]
         words += [word for topic, other in (topics or {}).items() for word in ("-r", f"{topic}:={other}")]
-        command = [sys.executable, "-m", f"mild_ros.{name}_node", "--ros-args", *words]
+        command = [*PYTHON, "-m", f"mild_ros.{name}_node", "--ros-args", *words]
         with self._log(name).open("wb") as log:
             self._running[name] = subprocess.Popen(
                 command,
@@ -181,12 +185,12 @@ def _interrupt(_number: int, _frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
-def _as_yaml(value: object) -> str:
+def as_yaml(value: object) -> str:
     """A value as ROS reads it: in its YAML a bare `y` is true, so texts have quotes."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, int | float):
         return repr(value)
     if isinstance(value, list | tuple):
-        return f"[{', '.join(_as_yaml(item) for item in value)}]"
+        return f"[{', '.join(as_yaml(item) for item in value)}]"
     return "'" + str(value).replace("'", "''") + "'"

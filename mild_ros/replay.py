@@ -23,6 +23,9 @@ from mild_core.signals import JointMeasurement
 from mild_ros.bag_people import skeleton_feeds
 from mild_ros.bag_writer import BagWriter, create_bag
 from mild_ros.bags import BagReader, RawMessage, open_bag, topic_of_type
+from mild_ros.command_topics import JOINT_COMMAND, commands_a_robot
+from mild_ros.controller_messages import ControllerMessages
+from mild_ros.controllers import OUTPUTS
 from mild_ros.encoding import encode, type_name_of
 from mild_ros.foreign_joints import foreign_joints
 from mild_ros.joint_naming import JointNaming, joint_naming
@@ -34,8 +37,8 @@ from mild_ros.replay_events import JOINT_STATES, SKELETON, TAKEN, TRUE_MOTION, E
 
 JOINT_STATE_TYPE = "sensor_msgs/msg/JointState"
 
-NEVER_WITH_ALL = ("joint_command", "joint_trajectory", "position_command", "joint_angles", "clock", "handled")
-"""Whoever asks for all topics of a bag does not mean to command a robot, or to tell the time twice."""
+NEVER_WITH_ALL = ("clock", "handled", JOINT_STATES)
+"""`all` leaves out what a replay sends itself. Nothing that commands a robot is ever sent."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +52,8 @@ class Inputs:
             they are of the robot's joints, otherwise home.
         robot: Whose joints these are.
         start_s: How much of the beginning to skip.
-        also: Further topics to pass on under their own names; `all` stands for every one but commands.
+        also: Further topics to pass on under their own names; `all` stands for every one but commands, which are never
+            passed on.
         joint_names: The bag's names of the robot's joints, in our order; empty if they are ours.
     """
 
@@ -95,6 +99,7 @@ class Inputs:
 
         Raises:
             BagError: The bag does not have one of them.
+            SetupError: One of `also` commands a robot.
         """
         skeletons = dict.fromkeys(self.feeds(bag), SKELETON)
         recorded = "/joint_states" in bag.topics and bag.topics["/joint_states"].count > 0
@@ -132,9 +137,15 @@ class Inputs:
 
     def _others(self, bag: BagReader) -> list[str]:
         if self.also == ("all",):
-            apart = {f"/{name}" for name in (*NEVER_WITH_ALL, JOINT_STATES)}
+            apart = {f"/{name}" for name in NEVER_WITH_ALL} | {
+                topic for topic, summary in bag.topics.items() if commands_a_robot(topic, summary.type_name)
+            }
             return [topic for topic in bag.topics if topic not in apart]
-        return [topic_of_type(bag, "", topic) for topic in self.also]
+        others = [topic_of_type(bag, "", topic) for topic in self.also]
+        for topic in others:
+            if commands_a_robot(topic, bag.topics[topic].type_name):
+                raise SetupError("also", f"{topic} commands a robot and is never replayed", "leave it out")
+        return others
 
     def _start_ns(self, bag: BagReader) -> int | None:
         if not self.start_s:
@@ -175,7 +186,7 @@ class ReplaySummary:
         duration_s: From the first message to the last.
         counts: Events by reason, of each stage; of `messages` those that could not be read.
         digest: SHA-256 of all commands' bytes: equal for equal replays.
-        note: What of the bag was not taken, for people; "" for nothing.
+        note: What of the bag was not taken, or could not be written, for people; "" for nothing.
     """
 
     commands: int
@@ -216,6 +227,7 @@ def replay_in_process(
     *,
     rate_hz: float = 100.0,
     salvage: bool = False,
+    controllers: ControllerMessages | None = None,
     on_step: Callable[[Step], None] = lambda step: None,
 ) -> ReplaySummary:
     """Send a bag through the pipeline and write inputs, motions and commands to a new bag.
@@ -227,6 +239,7 @@ def replay_in_process(
         output_path: Folder of the new bag; None writes none.
         rate_hz: Of the control clock.
         salvage: Read what is readable of a broken bag.
+        controllers: Makes the messages for controllers, which are written too; None makes none.
         on_step: Called with each step, for progress and for what a caller wants to keep.
 
     Raises:
@@ -238,7 +251,9 @@ def replay_in_process(
     with ExitStack() as stack:
         bag = stack.enter_context(open_bag(bag_path, salvage=salvage))
         written = stack.enter_context(create_bag(output_path, types=bag.types)) if output_path else None
-        note = inputs.note(bag)
+        unknown = _unknown_types(controllers, bag) if controllers else {}
+        left_out = (f"{topic} is not written: the type {name} is not installed here" for topic, name in unknown.items())
+        note = "; ".join(each for each in (inputs.note(bag), *left_out) if each)
         for step in fold(bag, pipeline, inputs, rate_hz):
             first_ns, last_ns, state = first_ns or step.event.time_ns, step.event.time_ns, step.state
             if step.unreadable:
@@ -249,10 +264,21 @@ def replay_in_process(
             commands, motions = commands + len(encoded), motions + len(step.output.motions)
             if written:
                 _write(written, step, encoded, pipeline.inference.model.manifest.interactions)
+                for due in controllers.after(step.output.commands, step.state.retargeting) if controllers else ():
+                    if due.topic not in unknown:
+                        data = encode(due.message, types=bag.types)
+                        written.write(f"/{due.topic}", type_name_of(due.message), step.event.time_ns, data)
             on_step(step)
     counts = {stage: getattr(state, stage).counts for stage in ("perception", "inference", "retargeting")}
     counts["messages"] = dict(unreadable)
     return ReplaySummary(commands, motions, (last_ns - first_ns) * 1e-9, counts, digest.hexdigest(), note)
+
+
+def _unknown_types(controllers: ControllerMessages, bag: BagReader) -> Mapping[str, str]:
+    """Types of messages for controllers that cannot be written here, by topic."""
+    installed = {topic: OUTPUTS[topic].type_name for topic in controllers.kinds}
+    without = {topic: name for topic, name in installed.items() if name not in bag.types.fielddefs}
+    return {**controllers.absent, **without}
 
 
 def _write(bag: BagWriter, step: Step, commands: list[bytes], interactions: tuple[str, ...]) -> None:
@@ -269,7 +295,7 @@ def _write(bag: BagWriter, step: Step, commands: list[bytes], interactions: tupl
         ):
             bag.write(topic, type_name_of(told), time_ns, encode(told))
     for data in commands:
-        bag.write("/joint_command", JOINT_STATE_TYPE, time_ns, data)
+        bag.write(f"/{JOINT_COMMAND}", JOINT_STATE_TYPE, time_ns, data)
 
 
 def _decoded(

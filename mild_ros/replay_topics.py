@@ -10,8 +10,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
 from mild_ros.bags import BagReader
-from mild_ros.message_types import message_class
-from mild_ros.messages.feeds import message_class as message_class_of
+from mild_ros.message_types import message_class, required_message_class
 from mild_ros.messages.stamps import time_to_msg
 from mild_ros.quality_of_service import BETWEEN_STAGES, STATIC_TRANSFORMS
 from mild_ros.replay import Inputs
@@ -40,7 +39,9 @@ class ReplayTopics:
         self._publishers: dict[str, Publisher] = {}
         for feed in inputs.feeds(bag).values():
             quality = STATIC_TRANSFORMS if feed.latched else BETWEEN_STAGES
-            self._publishers[feed.topic] = node.create_publisher(message_class_of(feed.type_name), feed.topic, quality)
+            self._publishers[feed.topic] = node.create_publisher(
+                required_message_class(feed.type_name), feed.topic, quality
+            )
         self._skeletons = list(self._publishers.values())
         for name in names:
             kind = types[name] if name in types else message_class(bag.topics[name].type_name)

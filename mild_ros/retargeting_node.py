@@ -91,7 +91,7 @@ class RetargetingNode(Node):
         self._life.tell(self._state, commands)
         self._commanding.send(commands, self._state)
         self._fates.report("retargeting", 0, self._state.outcome, stamp_ns)
-        self._diagnostics.ended("retargeting", self._state.outcome, self._state.counts)
+        self._diagnostics.ended("retargeting", self._state.outcome, self._state.counts, self._state.detail)
 
     def _unreadable(self, topic: str, error: DataError, stamp_ns: int) -> None:
         self._diagnostics.unreadable(topic, error.reason, error.detail)
@@ -103,7 +103,7 @@ class RetargetingNode(Node):
 
     def _look(self) -> None:
         self._commanding.look_for_others()
-        self._commanding.tell(self._state)
+        self._commanding.tell(self._state, self._time.now_ns())
 
 
 def main() -> int:

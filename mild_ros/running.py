@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """How every executable of ours starts, runs and ends.
 
-A wrong set-up is one line and exit code 2. SIGINT and SIGTERM end the node with exit code 0, also while it is still
-loading. `EventsExecutor.spin` of Jazzy calls nothing; its `spin_once` does, with half the processor time and a third of
-the tail latency of the `SingleThreadedExecutor`.
+A wrong set-up is one line and exit code 2. SIGINT, SIGTERM and SIGHUP (a closed terminal) end the node with exit code
+0, also while it is still loading. `EventsExecutor.spin` of Jazzy calls nothing; its `spin_once` does, with half the
+processor time and a third of the tail latency of the `SingleThreadedExecutor`.
 """
 
 from __future__ import annotations
@@ -13,8 +13,9 @@ import os
 import re
 import signal
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import fields
 from types import FrameType
 from typing import Any
 
@@ -27,6 +28,7 @@ from rclpy.utilities import remove_ros_args
 
 from mild_core.errors import SetupError
 from mild_ros.parameters import help_text
+from mild_ros.terminal import show_any_text
 
 _ENDED_BY = "ended_by"
 """Attribute of a node that gave up."""
@@ -38,6 +40,9 @@ LAST_DOMAIN = 232
 """With a higher one DDS ends the process by itself: its ports would be above the last there is."""
 
 USAGE = "write --ros-args -p NAME:=VALUE -r TOPIC:=TOPIC"
+
+VALUE_FLAGS = ("-p", "--param", "-r", "--remap", "--log-level", "-e", "--enclave", "--params-file")
+"""Flags of `--ros-args` that take the next word."""
 
 SETUP_ERROR = 2
 """Exit code of a wrong set-up, as of a wrong command line."""
@@ -54,21 +59,25 @@ def run(name: str, make_node: Callable[[], Node], parameters: type[Any]) -> int:
     Returns:
         The exit code of `--help`; in all other cases the process ends here.
     """
+    show_any_text()
     if {"--help", "-h"} & set(sys.argv[1:]):
         print(f"ros2 run mild_ros {name} [--ros-args -p NAME:=VALUE ... -r TOPIC:=TOPIC ...]\n\nParameters:")
         print(help_text(parameters))
         return 0
     with _Interruption() as interruption:
-        code = _run(name, make_node, interruption)
+        code = _run(name, make_node, interruption, tuple(entry.name for entry in fields(parameters)))
     sys.stdout.flush()
     sys.stderr.flush()
     # Everything is closed. To take the interpreter and its compiled libraries down would need another 0.6 s.
     os._exit(code)
 
 
-def _run(name: str, make_node: Callable[[], Node], interruption: _Interruption) -> int:
+def _run(
+    name: str, make_node: Callable[[], Node], interruption: _Interruption, parameter_names: Collection[str]
+) -> int:
     """The exit code, once all is over."""
     try:
+        check_words(sys.argv[1:], parameter_names)
         _start_ros()
         node = make_node()
         interruption.end_of_loading()
@@ -105,15 +114,39 @@ def giving_up(node: Node) -> Iterator[None]:
         give_up(node, error)
 
 
+def check_words(words: Sequence[str], parameter_names: Collection[str]) -> None:
+    """Refuse `NAME:=VALUE` without a flag: ROS takes it for another name of a topic and runs with the defaults.
+
+    Raises:
+        SetupError: Names the word and how to write it.
+    """
+    for before, word in zip(("", *words), words, strict=False):
+        name, sign, _ = word.partition(":=")
+        if not sign or before in VALUE_FLAGS:
+            continue
+        flag = "-p" if name in parameter_names else "-r"
+        raise SetupError(word, "has no flag before it", f"write --ros-args {flag} {word}")
+
+
+def domain_id() -> int:
+    """The ROS 2 domain that the environment asks for.
+
+    Raises:
+        SetupError: `ROS_DOMAIN_ID` is no domain.
+    """
+    domain = os.environ.get("ROS_DOMAIN_ID") or "0"
+    if not (domain.isdecimal() and int(domain) <= LAST_DOMAIN):
+        raise SetupError("ROS_DOMAIN_ID", f"is '{domain}'", f"set it to a number from 0 to {LAST_DOMAIN}")
+    return int(domain)
+
+
 def _start_ros() -> None:
     """Start rclpy.
 
     Raises:
         SetupError: The environment or the command line is wrong.
     """
-    domain = os.environ.get("ROS_DOMAIN_ID") or "0"
-    if not (domain.isdecimal() and int(domain) <= LAST_DOMAIN):
-        raise SetupError("ROS_DOMAIN_ID", f"is '{domain}'", f"set it to a number from 0 to {LAST_DOMAIN}")
+    domain_id()
     try:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         words = remove_ros_args(sys.argv)[1:]
@@ -144,7 +177,9 @@ def _spin(node: Node, interruption: _Interruption) -> None:
 
 
 class _Interruption:
-    """What SIGINT and SIGTERM do. rclpy's own handlers are not used: they end the context in the middle of a callback.
+    """What SIGINT, SIGTERM and SIGHUP do.
+
+    rclpy's own handlers are not used: they end the context in the middle of a callback.
 
     While the node loads they raise KeyboardInterrupt, again and again, because callbacks of compiled libraries
     swallow exceptions. Afterwards they only say that the node is to end, and it does between two callbacks.
@@ -163,8 +198,9 @@ class _Interruption:
         self._before: dict[int, Any] = {}
 
     def __enter__(self) -> _Interruption:
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
-            self._before[number] = signal.signal(number, self._interrupt)
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGALRM):
+            if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:  # of nohup
+                self._before[number] = signal.signal(number, self._interrupt)
         return self
 
     def __exit__(self, *_: object) -> None:

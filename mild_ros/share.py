@@ -19,10 +19,10 @@ def share_folder(kind: str) -> Path:
     """
     places = [Path(sys.prefix, "share", "mild_ros"), Path(__file__).resolve().parent.parent]
     try:
-        from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
+        from ament_index_python.packages import get_package_share_directory
 
         places.insert(0, Path(get_package_share_directory("mild_ros")))
-    except (ImportError, PackageNotFoundError, LookupError, ValueError, OSError):
+    except (ImportError, LookupError, ValueError, OSError):  # PackageNotFoundError is a LookupError
         pass  # bags are read and models evaluated where ROS is not installed
     for place in places:
         if (place / kind).is_dir():

@@ -17,7 +17,8 @@ from mild_ros.assembly.perception import skeleton_source
 from mild_ros.clock import NodeClock
 from mild_ros.diagnostics import Diagnostics
 from mild_ros.fates import Fates
-from mild_ros.messages.feeds import SKELETON_TOPIC, Feed, message_class
+from mild_ros.message_types import required_message_class
+from mild_ros.messages.feeds import SKELETON_TOPIC, Feed
 from mild_ros.messages.marker_array_bytes import marker_array_from_bytes
 from mild_ros.messages.skeletons import ADAPTERS
 from mild_ros.quality_of_service import SENSOR, STATIC_TRANSFORMS
@@ -61,13 +62,14 @@ class Tracker:
         stage: Who reports the fate of a message that cannot be read.
 
     Raises:
-        SetupError: As `skeleton_source` and `message_class`.
+        SetupError: As `skeleton_source` and `required_message_class`.
     """
 
     def __init__(self, parameters: PerceptionParameters, stage: str) -> None:
         self._source = skeleton_source(parameters)
         self._feeds = [
-            (feed, message_class(feed.type_name)) for feed in ADAPTERS[self._source.message].feeds(self._source)
+            (feed, required_message_class(feed.type_name))
+            for feed in ADAPTERS[self._source.message].feeds(self._source)
         ]
         self._stage = stage
 

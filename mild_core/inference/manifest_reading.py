@@ -3,9 +3,9 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
+from mild_core.budgets import SETTINGS_BYTES, parse_json, read_file
 from mild_core.errors import ModelError
 from mild_core.fields import Fields
 from mild_core.inference.manifest import (
@@ -26,9 +26,6 @@ from mild_core.inference.manifest import (
 from mild_core.inference.networks import LayerSpec
 from mild_core.inference.priors import PRIORS
 
-LARGEST_FILE = 1 << 20
-"""Bytes. A manifest has some thousand."""
-
 
 def read_manifest(folder: Path) -> Manifest:
     """Read and check `manifest.json` of a model folder, and nothing else of it.
@@ -37,13 +34,12 @@ def read_manifest(folder: Path) -> Manifest:
         ModelError: When there is none, or a key is missing, unknown or out of its bounds; the key is named.
     """
     path = folder / "manifest.json"
-    if not path.is_file():
+    if not path.exists():
         raise ModelError(str(folder), "is no model folder: it has no manifest.json", "give the folder of a model")
-    if path.stat().st_size > LARGEST_FILE:
-        raise ModelError(str(path), f"is larger than {LARGEST_FILE} bytes", "this is no manifest")
+    content = read_file(path, SETTINGS_BYTES, "this is no manifest", ModelError)
     try:
-        data = json.loads(path.read_bytes())
-    except (ValueError, RecursionError) as error:
+        data = parse_json(content)
+    except ValueError as error:
         raise ModelError(str(path), f"is no JSON ({error})", "take the folder as it was trained") from None
     if not isinstance(data, dict):
         raise ModelError(str(path), "holds no JSON object", "take the folder as it was trained")

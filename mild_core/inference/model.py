@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import io
-import zipfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load as load_arrays
 from safetensors.numpy import save as save_arrays
 
+from mild_core.budgets import read_file, read_npz
 from mild_core.errors import ModelError
 from mild_core.inference.golden import check_golden, make_golden
 from mild_core.inference.manifest import Manifest
@@ -53,7 +53,7 @@ def load_model(folder: Path) -> MildModel:
         raise ModelError(str(folder / WEIGHTS), error.problem, error.remedy) from None
     try:
         check_golden(model, _read_golden(contents[GOLDEN]))
-    except (ValueError, OSError, zipfile.BadZipFile, KeyError, EOFError) as error:
+    except ValueError as error:
         raise ModelError(str(folder / GOLDEN), str(error), RETRAIN) from None
     return model
 
@@ -96,11 +96,9 @@ def _stored(name: str, array: NDArray[Any]) -> NDArray[Any]:
 def _checked_bytes(folder: Path, name: str, manifest: Manifest) -> bytes:
     """The content of one of the folder's files, once its size is bounded and its digest right."""
     path = folder / name
-    if not path.is_file():
+    if not path.exists():
         raise ModelError(str(path), "is missing", RETRAIN)
-    if path.stat().st_size > LARGEST_BYTES[name]:
-        raise ModelError(str(path), f"is larger than {LARGEST_BYTES[name] >> 20} MB", RETRAIN)
-    content = path.read_bytes()
+    content = read_file(path, LARGEST_BYTES[name], RETRAIN, ModelError)
     if name not in manifest.sha256:
         raise ModelError(str(folder / "manifest.json"), f"key 'sha256.{name}' is missing", RETRAIN)
     digest = hashlib.sha256(content).hexdigest()
@@ -112,9 +110,4 @@ def _checked_bytes(folder: Path, name: str, manifest: Manifest) -> bytes:
 
 def _read_golden(content: bytes) -> dict[str, NDArray[Any]]:
     """The arrays of a golden sample; numbers only, and no more of them unpacked than a bounded size."""
-    with zipfile.ZipFile(io.BytesIO(content)) as archive:
-        size = sum(entry.file_size for entry in archive.infolist())
-        if size > LARGEST_BYTES[GOLDEN] or len(archive.infolist()) > 16:
-            raise ValueError(f"unpacks to {size} bytes, more than {LARGEST_BYTES[GOLDEN]}")
-    with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
-        return {name: arrays[name] for name in arrays.files}
+    return read_npz(content, LARGEST_BYTES[GOLDEN])

@@ -21,10 +21,14 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from mild_core.budgets import check_archive, read_file, read_header, read_numbers, shown
 from mild_core.errors import DatasetError
 
-LARGEST_MEMBER_BYTES = 1 << 30
-"""A member that unpacks to more than this is refused unread: a few kB of zip can claim terabytes."""
+LARGEST_BYTES = 1 << 30
+"""Arrays that unpack to more than this, taken together, are refused unread: a few kB of zip can claim terabytes."""
+
+OBJECT_BYTES = 32
+"""What an array of objects takes for each, at least."""
 
 REMEDY = "take the file as its publishers give it, or convert it to arrays of numbers"
 
@@ -53,6 +57,18 @@ class _DescribedType:
         return self.code[0] == "O"
 
 
+class _Allowance:
+    """What may still be built: a pickle can name one array a million times in three megabytes."""
+
+    def __init__(self, size: int) -> None:
+        self._left = size
+
+    def spend(self, size: int) -> None:
+        self._left -= size
+        if self._left < 0:
+            raise _RefusedError(f"more than {shown(LARGEST_BYTES)} of arrays")
+
+
 class _DescribedArray:
     """Stands in for numpy.ndarray: remembers shape, type and content, and is built only when all is checked."""
 
@@ -67,12 +83,13 @@ class _DescribedArray:
             case _:
                 raise _RefusedError("an array with an unknown layout")
 
-    def build(self, depth: int = 0) -> NDArray[Any]:
+    def build(self, allowance: _Allowance, depth: int = 0) -> NDArray[Any]:
         if self.content is None or depth > 2:
             raise _RefusedError("an array without content" if self.content is None else "arrays nested too deeply")
         shape, kind, fortran, data = self.content
         if isinstance(data, list) != kind.objects or (kind.objects and len(data) != math.prod(shape)):
             raise _RefusedError("an array whose content does not fit its shape")
+        allowance.spend(len(data) * (1 if isinstance(data, bytes) else OBJECT_BYTES))
         order: Literal["F", "C"] = "F" if fortran else "C"
         array: NDArray[Any]
         if isinstance(data, bytes):
@@ -82,7 +99,7 @@ class _DescribedArray:
         for index, value in enumerate(data):
             if not isinstance(value, _DescribedArray | int | float | str):
                 raise _RefusedError(f"an object of type {type(value).__name__}")
-            array[index] = value.build(depth + 1) if isinstance(value, _DescribedArray) else value
+            array[index] = value.build(allowance, depth + 1) if isinstance(value, _DescribedArray) else value
         return np.reshape(array, shape, order=order)
 
 
@@ -113,23 +130,17 @@ class _Describer(pickle._Unpickler):
             raise _RefusedError(f"the function '{module}.{name}', which nobody needs to store numbers") from None
 
 
-def _read_member(archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
+def _read_member(archive: zipfile.ZipFile, name: str, allowance: _Allowance) -> NDArray[Any]:
     """One array of the archive."""
     info = archive.getinfo(name)
-    if info.file_size > LARGEST_MEMBER_BYTES:
-        raise _RefusedError(f"{info.file_size / 2**30:.1f} GiB in '{name}'")
     stream = io.BytesIO(archive.read(info))
-    version = np.lib.format.read_magic(stream)
-    read_header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-    _, _, kind = read_header(stream)
-    if not kind.hasobject:
+    if not read_header(stream).kind.hasobject:
         stream.seek(0)
-        array: NDArray[Any] = np.lib.format.read_array(stream, allow_pickle=False)
-        return array
+        return read_numbers(stream, info.file_size)
     described = _Describer(stream).load()
     if not isinstance(described, _DescribedArray):
         raise _RefusedError(f"'{name}', which is no array")
-    return described.build()
+    return described.build(allowance)
 
 
 def read_archive(path: Path, names: Iterable[str]) -> dict[str, NDArray[Any]]:
@@ -149,15 +160,18 @@ def read_archive(path: Path, names: Iterable[str]) -> dict[str, NDArray[Any]]:
     Source: the `.npy` format, numpy.lib.format (NEP 1); pickle protocol, PEP 3154.
     """
     thing = f"recording '{path}'"
-    if not path.is_file():
-        raise DatasetError(thing, "there is no such file", "give the path of traj_data.npz, or set MILD_DATA")
+    if not path.exists():
+        raise DatasetError(thing, "there is no such file", "give its path; ./mild data says how to get it")
+    content = io.BytesIO(read_file(path, LARGEST_BYTES, REMEDY, DatasetError, thing))
     try:
-        with zipfile.ZipFile(path) as archive:
+        with zipfile.ZipFile(content) as archive:
             there = {name.removesuffix(".npy") for name in archive.namelist()}
             absent = [name for name in names if name not in there]
             if absent:
                 raise DatasetError(thing, f"has no array '{absent[0]}' (only {', '.join(sorted(there))})", REMEDY)
-            return {name: _read_member(archive, f"{name}.npy") for name in names}
+            check_archive(archive, LARGEST_BYTES, [f"{name}.npy" for name in names])
+            allowance = _Allowance(LARGEST_BYTES)
+            return {name: _read_member(archive, f"{name}.npy", allowance) for name in names}
     except DatasetError:
         raise
     except _RefusedError as refused:

@@ -4,13 +4,13 @@
 from __future__ import annotations
 
 import json
-import tomllib
 import types
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
+from mild_core.budgets import SETTINGS_BYTES, parse_toml, read_file
 from mild_core.errors import SetupError, unknown_name
 from mild_core.learning.datasets import DATASETS, recording_named
 from mild_core.learning.presets import preset_named
@@ -71,11 +71,9 @@ def read_configuration(name: str) -> Configuration:
             raise unknown_name("configuration", name, configuration_names())
         path = FOLDER / f"{name}.toml"
     try:
-        text = path.read_text(encoding="utf-8")
-        table = tomllib.loads(text)
-    except FileNotFoundError:
-        raise SetupError(str(path), "there is no such file", "give the path of a configuration") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        text = read_file(path, SETTINGS_BYTES, "give the path of a configuration").decode()
+        table = parse_toml(text)
+    except ValueError as error:
         raise SetupError(str(path), f"is no TOML ({error})", "see the configurations of the shipped models") from None
     return _configuration(path, table, text)
 
@@ -181,4 +179,4 @@ def configuration_for(dataset: str, protocol: str) -> Configuration | None:
     stride = max(1, round(STEP_S[protocol] * rate_hz))
     text = f'dataset = {json.dumps(dataset)}\nprotocol = "{protocol}"\n[settings]\n'
     text += f"stride = {stride}  # belief and memory step every {stride / rate_hz:.2g} s\ngradient_stride = {stride}\n"
-    return _configuration(Path(f"{recording.name}_{protocol}.toml"), tomllib.loads(text), text)
+    return _configuration(Path(f"{recording.name}_{protocol}.toml"), parse_toml(text), text)

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -48,17 +48,27 @@ class ModelPredictor:
         """With the interaction given (see `Predictor`)."""
         return self.answers(demonstration, demonstration.interaction).predicted
 
-    def answers(self, demonstration: Demonstration, interaction: str, *, started: bool = False) -> Answers:
+    def answers(
+        self, demonstration: Demonstration, interaction: str, *, started: bool = False, standing_s: float = 0.0
+    ) -> Answers:
         """All that inference says of a trial.
 
         Args:
             demonstration: The trial.
             interaction: Its name, or "auto".
             started: Whether the robot says where it stands at the start.
+            standing_s: How long both agents stand still before it; windows of that time are not in the result.
 
         Raises:
-            ModelError: Inference left a window of a recorded trial without an answer.
+            ModelError: Inference left a window of a recorded trial without an answer, or `started` is asked of a model
+                that does not move a robot.
         """
+        manifest = self.model.manifest
+        if started and manifest.controlled.kind == "human_arm":
+            problem = "moves a partner's arm: there is no robot that could say where it starts"
+            raise ModelError(f"model '{manifest.name}'", problem, "use labels given, recognised or live")
+        windows = len(cut(demonstration, self.protocol).controlled)
+        demonstration = stand_before(demonstration, standing_s)
         stage = Inference(self.model, interaction)
         state = stage.init()
         if started:
@@ -72,10 +82,25 @@ class ModelPredictor:
         if len(motions) != len(true):
             problem = f"answered {len(motions)} of the {len(true)} windows of trial {demonstration.trial}"
             raise ModelError(f"model '{self.model.manifest.name}'", problem, "train it anew")
-        predicted = np.array([motion.positions for motion in motions]).reshape(true.shape)
+        predicted = np.array([motion.positions for motion in motions]).reshape(true.shape)[len(true) - windows :]
+        motions = motions[len(true) - windows :]
         scores = np.array([motion.out_of_distribution for motion in motions])
         covariances = np.array([motion.covariance for motion in motions])
         return Answers(predicted, covariances, tuple(motion.interaction for motion in motions), scores)
+
+
+def stand_before(demonstration: Demonstration, standing_s: float) -> Demonstration:
+    """The trial after both agents have stood still for a while, where they are at its start."""
+    frames = round(standing_s * demonstration.rate_hz)
+    if not frames:
+        return demonstration
+    observed, controlled = demonstration.observed_m, demonstration.controlled
+    return replace(
+        demonstration,
+        observed_m=np.concatenate([np.repeat(observed[:1], frames, axis=0), observed]),
+        controlled=np.concatenate([np.repeat(controlled[:1], frames, axis=0), controlled]),
+        active=np.concatenate([np.zeros(frames), demonstration.active]),
+    )
 
 
 def require_fit(manifest: Manifest, protocol: Protocol, demonstrations: Sequence[Demonstration]) -> None:

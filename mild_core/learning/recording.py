@@ -36,6 +36,21 @@ class Demonstrations:
 
 
 @dataclass(frozen=True)
+class Download:
+    """A file as its publisher offers it.
+
+    Attributes:
+        url: Of one revision, so that it stays what it is.
+        sha256: Of its content, hexadecimal.
+        size_bytes: Of its content.
+    """
+
+    url: str
+    sha256: str
+    size_bytes: int
+
+
+@dataclass(frozen=True)
 class Recording:
     """One published recording, or a folder of trials (`trials.recording_of`).
 
@@ -55,6 +70,7 @@ class Recording:
         read: From the file to demonstrations; raises DatasetError.
         protocols: How it is cut, by name: figures compare only within one of them.
         placement: Where the person stood before the robot, if the recording says so; None has it fitted to `touching`.
+        download: Where its file can be fetched; None where its publisher offers no single file.
     """
 
     name: str
@@ -72,6 +88,7 @@ class Recording:
     read: Callable[[Path], Demonstrations]
     protocols: Mapping[str, Protocol]
     placement: HumanPlacement | None = None
+    download: Download | None = None
 
     @property
     def unit(self) -> Unit:
@@ -84,6 +101,18 @@ class Recording:
         return self.file if Path(self.file).is_absolute() else self.name
 
     def default_path(self) -> Path:
-        """Below $MILD_DATA, or beside the checkout, where developers keep shared data."""
-        beside = Path(__file__).parents[2] / ".." / "shared" / "data"
-        return Path(os.environ.get("MILD_DATA") or os.path.relpath(beside)) / self.file
+        """Below the folder of recordings."""
+        return data_folder() / self.file
+
+
+def data_folder() -> Path:
+    """Where recordings lie: $MILD_DATA, the data of developers beside the checkout, or the user's data folder.
+
+    Source of the last: XDG Base Directory Specification.
+    """
+    if given := os.environ.get("MILD_DATA"):
+        return Path(given).expanduser()
+    beside = Path(__file__).parents[2] / ".." / "shared" / "data"
+    if beside.is_dir():
+        return Path(os.path.relpath(beside))
+    return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share") / "mild_ros" / "data"

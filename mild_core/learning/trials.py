@@ -8,7 +8,6 @@ what the controlled agent did: joint angles [rad], or its arm's joints [m]. It l
 from __future__ import annotations
 
 import json
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -17,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from mild_core.budgets import parse_toml, read_file
 from mild_core.errors import DatasetError
 from mild_core.fields import Fields
 from mild_core.inference.manifest import ControlledAgent, HumanPlacement, ObservedAgent
@@ -130,11 +130,11 @@ def read_trials(folder: Path) -> Trials:
     """
     path = folder / MANIFEST
     thing = str(path)
-    if not path.is_file():
+    if not path.exists():
         raise DatasetError(str(folder), f"has no {MANIFEST}", "give a folder that mild demonstrations wrote")
+    content = read_file(path, LARGEST_FILE, REMEDY, DatasetError)
     try:
-        text = path.read_bytes()
-        values = tomllib.loads(text.decode() if len(text) <= LARGEST_FILE else "too large")
+        values = parse_toml(content)
     except ValueError as error:
         raise DatasetError(thing, f"is no TOML ({error})", REMEDY) from None
     fields = Fields(thing, "", values, REMEDY, DatasetError)

@@ -11,6 +11,7 @@ RSS 2021 (ruckig, community version).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from ruckig import (  # type: ignore[import-not-found]
@@ -141,6 +142,20 @@ class Limiter:
         self._planned(self._stop, motion)
         times_s = [share * self._plan.duration for share in STOP_SHARES]
         return (motion, *(JointMotion(*map(tuple, self._plan.at_time(time_s))) for time_s in times_s))
+
+    def stopping(self, motion: JointMotion, period_s: float) -> tuple[JointMotion, ...]:
+        """What follows `motion` on the fastest way to rest: each `period_s`, the last at rest; none if it rests.
+
+        Raises:
+            NoPlanError: There is no plan; finite input inside the limits always has one.
+        """
+        if motion.resting:
+            return ()
+        self._planned(self._stop, motion)
+        count = math.ceil(self._plan.duration / period_s)
+        at = (self._plan.at_time(period_s * number) for number in range(1, count))
+        moving = [JointMotion(*map(tuple, each)) for each in at]
+        return (*moving, JointMotion.at_rest(tuple(self._plan.at_time(self._plan.duration)[0])))
 
     def bears(self, motion: JointMotion) -> bool:
         """Whether `motion` is inside these limits."""

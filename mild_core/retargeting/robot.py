@@ -29,7 +29,8 @@ class RobotModel:
         base_link: The frame that stands in the world: REP-103 axes, x forward.
         tool_link: The frame that meets the person's hand.
         rest: Positions [rad, or m of a sliding joint] of the joints that nothing commands, as (name, position).
-        floor_m: Height of the floor in the base frame, for a robot that stands on it; None for one on a table.
+        floor_m: Height of the floor in the base frame, where it is known; None takes it from the person's feet.
+        on_table: Whether the robot stands on a table, which is drawn under it.
         arm: How a person's arm becomes positions of the joints, where that is known in closed form.
         arm_links: Otherwise, for a robot that shall do as a person's arm does: its shoulder, a link whose origin
             stays where it is, and its elbow.
@@ -51,6 +52,7 @@ class RobotModel:
     tool_link: str
     rest: tuple[tuple[str, float], ...] = field(default=())
     floor_m: float | None = None
+    on_table: bool = False
     arm: FourJointArm | None = None
     arm_links: tuple[str, str] | None = None
 

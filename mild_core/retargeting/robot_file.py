@@ -11,7 +11,8 @@
     home_rad = [0.0, -0.5]
     acceleration_rad_s2 = 10.0                 # one for all joints, or one for each
     jerk_rad_s3 = 200.0
-    floor_m = -0.8                             # only for a robot that stands on the floor
+    floor_m = -0.8                             # height of the floor, where it is known
+    on_table = true                            # draws a table under the robot
     [rest]                                     # joints that nothing commands
     panda_finger_joint1 = 0.02
 
@@ -21,10 +22,10 @@ Position and velocity limits are the description's; `lower_rad`, `upper_rad` and
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 
+from mild_core.budgets import parse_toml, read_file
 from mild_core.errors import SetupError, unknown_name
 from mild_core.fields import Fields
 from mild_core.retargeting.arm_following import LinkFollower
@@ -41,7 +42,7 @@ REQUIRED = ("name", "description", "base_link", "tool_link", "joint_names", "hom
 LINKS = ("shoulder_link", "elbow_link")
 URDF_LIMITS = ("lower_rad", "upper_rad", "velocity_rad_s")
 OWN_LIMITS = ("acceleration_rad_s2", "jerk_rad_s3")
-KEYS = (*REQUIRED, *LINKS, *URDF_LIMITS, *OWN_LIMITS, "floor_m", "rest")
+KEYS = (*REQUIRED, *LINKS, *URDF_LIMITS, *OWN_LIMITS, "floor_m", "on_table", "rest")
 
 MOST_JOINTS, LARGEST = 32, 1e6
 
@@ -66,13 +67,9 @@ def read_robot(path: Path) -> RobotModel:
     Raises:
         SetupError: Names the file, the key and what is wrong.
     """
+    content = read_file(path, SIZE_LIMIT, "give the path of a robot file")
     try:
-        with path.open("rb") as file:
-            text = file.read(SIZE_LIMIT + 1)
-    except OSError as error:
-        raise SetupError(str(path), f"cannot be read ({error.strerror})", "give the path of a robot file") from error
-    try:
-        values = tomllib.loads(text.decode() if len(text) <= SIZE_LIMIT else "too large")
+        values = parse_toml(content)
     except ValueError as error:
         raise SetupError(str(path), f"is no TOML: {error}", "see 'Add a robot' in the README") from None
     robot = _robot(path, Fields(str(path), "", values, "see 'Add a robot' in the README", SetupError))
@@ -108,6 +105,7 @@ def _robot(path: Path, fields: Fields) -> RobotModel:
             tool_link=fields.text("tool_link"),
             rest=tuple((name, rest.number(name, -LARGEST, LARGEST)) for name in rest.values),
             floor_m=fields.number("floor_m", -10.0, 10.0) if "floor_m" in fields.values else None,
+            on_table=fields.flag("on_table") if "on_table" in fields.values else False,
             arm_links=None if links is None else (links[0], links[1]),
         )
     except ValueError as error:

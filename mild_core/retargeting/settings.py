@@ -42,6 +42,8 @@ class RetargetingSettings:
         interaction_s: Longest time to follow one interaction; then the robot goes home.
         home_timeout_s: Longest time on the way home; then the robot holds, and tries again.
         start_enabled: Whether to follow before the first request.
+        execution_delay_s: Time from a command to its execution, for a controller that plays a promised trajectory; see
+            `trajectory_stream.py`. `look_ahead_s` has to contain it.
 
     Raises:
         SetupError: A value is outside its range.
@@ -68,12 +70,13 @@ class RetargetingSettings:
     interaction_s: float = 60.0
     home_timeout_s: float = 30.0
     start_enabled: bool = True
+    execution_delay_s: float = 0.0
 
     def __post_init__(self) -> None:
         if self.ik not in MIXES:
             raise unknown_name("ik", self.ik, MIXES)
         may_be_zero = {"look_ahead_s", "unknown_after_s", "home_after_s", "position_margin_rad", "displaced_after_s"}
-        may_be_zero |= {"keep_out_m", "near_m"}
+        may_be_zero |= {"keep_out_m", "near_m", "execution_delay_s"}
         for each in fields(self):
             value = getattr(self, each.name)
             if each.name in ("start_enabled", "ik"):

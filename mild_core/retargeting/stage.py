@@ -20,6 +20,7 @@ from functools import cached_property
 
 import numpy as np
 
+from mild_core.joint_measurements import JointMerger
 from mild_core.retargeting.arm_following import ArmFollower, arm_follower
 from mild_core.retargeting.contact import Contact, stiffness
 from mild_core.retargeting.guard import NOBODY, TOO_FAST, Body, Guard, body_of
@@ -27,11 +28,12 @@ from mild_core.retargeting.life import person_present, situation, with_rest
 from mild_core.retargeting.limiter import JointMotion, Joints, Limiter, NoPlanError
 from mild_core.retargeting.modes import Mode, next_mode
 from mild_core.retargeting.person import LOST_S, SHIFT_M_S, Standing
-from mild_core.retargeting.reception import take_measurement, take_motion, take_person, take_request
+from mild_core.retargeting.reception import joint_merger, take_measurement, take_motion, take_person, take_request
 from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.retargeting.state import Request, RetargetingState
 from mild_core.retargeting.target import Plan, Pursuit
+from mild_core.retargeting.trajectory_stream import TrajectoryStream, limits_between_points, resumed
 from mild_core.retargeting.watchdog import after_gap, after_time_jump, known, with_ear
 from mild_core.shapes import FloatArray, read_only
 from mild_core.signals import ARM_FRAME, JointCommand, JointMeasurement, MotionWindow, PersonPose
@@ -74,6 +76,7 @@ class Retargeting:
     _limiter: Limiter = field(init=False, repr=False)
     _slow: Limiter = field(init=False, repr=False)
     _guard: Guard = field(init=False, repr=False)
+    _merger: JointMerger = field(init=False, repr=False)
     _contact: Contact | None = field(init=False, repr=False)
     _lower: FloatArray = field(init=False, repr=False)
     _upper: FloatArray = field(init=False, repr=False)
@@ -83,18 +86,31 @@ class Retargeting:
         robot, margin = self.robot, self.settings.position_margin_rad
         acceleration, jerk = robot.acceleration_rad_s2, robot.jerk_rad_s3
         velocity = np.minimum(robot.velocity_rad_s, self.settings.home_velocity_rad_s)
+        if self.settings.execution_delay_s:
+            acceleration, jerk = limits_between_points(acceleration, jerk)
         object.__setattr__(self, "_limiter", Limiter(robot.velocity_rad_s, acceleration, jerk))
         object.__setattr__(self, "_slow", Limiter(velocity, acceleration * HOME_SHARE, jerk * HOME_SHARE))
         object.__setattr__(self, "_lower", robot.lower_rad + margin)
         object.__setattr__(self, "_upper", robot.upper_rad - margin)
         object.__setattr__(self, "_home", self._inside(robot.home_rad))
         object.__setattr__(self, "_guard", Guard(robot, self.settings))
+        object.__setattr__(self, "_merger", joint_merger(robot, self.settings))
         touches = self.settings.ik != "off" and self.standing is not None
         object.__setattr__(self, "_contact", Contact(robot, self.settings.ik, margin) if touches else None)
 
     def init(self) -> RetargetingState:
         """The state before the first input."""
         return RetargetingState(mode=Mode.WAITING if self.settings.start_enabled else Mode.DISABLED)
+
+    def trajectory_stream(self) -> TrajectoryStream:
+        """Makes messages for a controller of trajectories from the commands; for settings with `execution_delay_s`."""
+        robot = self.robot
+        return TrajectoryStream(
+            self._limiter,
+            tuple(robot.velocity_rad_s.tolist()),
+            tuple(robot.acceleration_rad_s2.tolist()),
+            self.settings.execution_delay_s,
+        )
 
     def step(self, state: RetargetingState, given: RetargetingInput, now_ns: int) -> _Stepped:
         """Take one input, or None for a tick of the control clock, at time `now_ns`.
@@ -112,7 +128,7 @@ class Retargeting:
         if isinstance(given, PersonPose):
             return take_person(state, given, self.settings, now_ns), ()
         if isinstance(given, JointMeasurement):
-            return take_measurement(state, given, self.robot, self.settings, now_ns), ()
+            return take_measurement(state, given, self._merger, self.robot, self.settings, now_ns), ()
         state = take_request(state, given, now_ns)
         return self._command(state, now_ns) if given.kind == "hold" else (state, ())
 
@@ -123,8 +139,14 @@ class Retargeting:
             return state, ()
         if state.mode is Mode.DISABLED and motion.resting:
             return replace(state, commanded_ns=None), ()
+        if state.commanded_ns is None and motion.resting and state.joints.disagree(now_ns):
+            return state, ()  # nobody knows where the first command would have to begin
         elapsed_s = 0.0 if state.commanded_ns is None else (now_ns - state.commanded_ns) * 1e-9
-        if elapsed_s > self.settings.max_gap_s:
+        if self.settings.execution_delay_s:
+            if elapsed_s > self.settings.max_gap_s:
+                state = after_gap(state, motion, now_ns)
+            motion, elapsed_s = resumed(self._limiter, motion, elapsed_s)
+        elif elapsed_s > self.settings.max_gap_s:
             state, elapsed_s = after_gap(state, motion, now_ns), 0.0
             motion = state.motion or motion
         if state.plan is not None and self.standing is not None:
@@ -137,6 +159,8 @@ class Retargeting:
         except NoPlanError:
             motion = JointMotion.at_rest(motion.position_rad)
             state = state.counted("no_plan")
+        if self.settings.execution_delay_s:
+            state = state.with_pending(motion.position_rad, self.settings.execution_delay_s, now_ns)
         return replace(state, motion=motion, commanded_ns=now_ns, had_plan=state.plan is not None), (
             JointCommand(
                 stamp_ns=now_ns,

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from mild_core.joint_measurements import JointTracks
 from mild_core.retargeting.contact import Touch
 from mild_core.retargeting.limiter import JointMotion, Joints
 from mild_core.retargeting.modes import Mode
@@ -43,8 +44,9 @@ class RetargetingState:
         pursuit: The way onto the plan; None unless following, and where it starts anew.
         unknown_since_ns: When the model ceased to know what the person does; None while it knows.
         holding_since_ns: When holding began.
-        measured_rad: The robot's newest own word on where it is: J positions ...
-        measured_ns: ... and when it came; None before the first.
+        joints: The robot's own word on where it is, joint by joint.
+        measured_rad: The merged pose of all joints that is believed: J positions ...
+        measured_ns: ... and when the oldest of them came; None before the first.
         reports: Whether it says so again and again; a bag may hold a single word.
         silent: Whether it has ceased to.
         displaced_since_ns: When the robot was first seen far from its command; None while it is near.
@@ -55,8 +57,11 @@ class RetargetingState:
         touch: How far the hands have been brought together; None when they are not.
         place_m: Where the person is taken to stand, if the camera does not tell.
         near_m: How near the robot's hand was to the person at the newest command that moves.
+        pending: With `execution_delay_s`: times [ns] and positions of the commands that are not yet carried out, and of
+            the one that was carried out last, oldest first.
         counts: Events by reason since the start.
         outcome: What became of the newest input: a key of `counts`.
+        detail: Why that input was not used, for people; "" when it was.
     """
 
     mode: Mode = Mode.WAITING
@@ -69,6 +74,7 @@ class RetargetingState:
     pursuit: Pursuit | None = None
     unknown_since_ns: int | None = None
     holding_since_ns: int = 0
+    joints: JointTracks = field(default_factory=JointTracks)
     measured_rad: Joints = ()
     measured_ns: int | None = None
     reports: bool = False
@@ -81,8 +87,10 @@ class RetargetingState:
     touch: Touch | None = None
     place_m: Point | None = None
     near_m: float = math.inf
+    pending: tuple[tuple[int, Joints], ...] = ()
     counts: Mapping[str, int] = field(default_factory=dict)
     outcome: str = ""
+    detail: str = ""
 
     def with_sight(self, now_ns: int) -> RetargetingState:
         """The newest pose taken into account, if it came before now.
@@ -94,13 +102,27 @@ class RetargetingState:
             return self
         return replace(self, person=None, sight=seen_again(self.sight, self.person, self.person_ns))
 
+    def with_pending(self, position_rad: Joints, delay_s: float, now_ns: int) -> RetargetingState:
+        """One more command that is carried out `delay_s` from now."""
+        carried_out_ns = now_ns - round(delay_s * 1e9)
+        earlier = [entry for entry in self.pending if entry[0] < now_ns]
+        first = max((index for index, (at_ns, _) in enumerate(earlier) if at_ns <= carried_out_ns), default=0)
+        return replace(self, pending=(*earlier[first:], (now_ns, position_rad)))
+
+    def carried_out(self, motion: JointMotion, delay_s: float, now_ns: int) -> Joints:
+        """Where the robot has been sent by now, of the newest command `motion`: J positions [rad]."""
+        due = [position for at_ns, position in self.pending if at_ns <= now_ns - round(delay_s * 1e9)]
+        if due:
+            return due[-1]
+        return self.pending[0][1] if self.pending else motion.position_rad
+
     def counted(self, reason: str) -> RetargetingState:
         """One more event of `reason`."""
         return replace(self, counts=self._one_more(reason))
 
-    def ended(self, outcome: str) -> RetargetingState:
+    def ended(self, outcome: str, detail: str = "") -> RetargetingState:
         """One more input that ended in `outcome`."""
-        return replace(self, counts=self._one_more(outcome), outcome=outcome)
+        return replace(self, counts=self._one_more(outcome), outcome=outcome, detail=detail)
 
     def _one_more(self, reason: str) -> dict[str, int]:
         return {**self.counts, reason: self.counts.get(reason, 0) + 1}

@@ -3,10 +3,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from mild_core.inference.model import MildModel
-from mild_core.pipeline import Pipeline, PipelineState
+from mild_core.pipeline import Pipeline
 from mild_ros.assembly.inference import make_inference
 from mild_ros.assembly.perception import make_perception
 from mild_ros.assembly.retargeting import make_retargeting
@@ -21,12 +19,3 @@ def make_pipeline(parameters: PipelineParameters, model: MildModel) -> Pipeline:
     """
     perception = make_perception(parameters, model.manifest)
     return Pipeline(perception, make_inference(parameters, model), make_retargeting(parameters, model.manifest))
-
-
-def forgotten(pipeline: Pipeline, state: PipelineState) -> PipelineState:
-    """The state with nothing remembered of the person, but all counts; retargeting is reset by a request."""
-    return replace(
-        state,
-        perception=pipeline.perception.afresh(state.perception),
-        inference=pipeline.inference.afresh(state.inference),
-    )

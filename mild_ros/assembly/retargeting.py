@@ -14,6 +14,7 @@ from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.retargeting.stage import Retargeting
 from mild_core.signals import ARM_FRAME, ARM_JOINTS, JointMeasurement, MotionWindow, PersonPose
 from mild_ros.assembly.robot import check_fit, make_robot
+from mild_ros.controller_messages import delay_of
 from mild_ros.settings import RetargetingParameters
 
 HANGING_M = ((0.0, 0.0, 0.0), (0.0, 0.0, -0.3), (0.0, 0.0, -0.6))
@@ -28,8 +29,10 @@ def make_retargeting(parameters: RetargetingParameters, manifest: Manifest) -> R
     """
     robot = make_robot(parameters.robot, parameters.robot_description)
     check_fit(parameters.model, manifest.controlled, robot)
+    delay_s = delay_of(parameters, parameters.control_rate_hz)
     settings = RetargetingSettings(
-        look_ahead_s=parameters.look_ahead_s,
+        look_ahead_s=parameters.look_ahead_s + delay_s,
+        execution_delay_s=delay_s,
         stale_after_s=parameters.stale_after_s,
         max_age_s=parameters.max_age_s,
         home_after_s=parameters.home_after_s,

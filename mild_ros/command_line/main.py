@@ -12,7 +12,8 @@ from typing import Any
 
 import typer
 
-from mild_core.errors import MildError
+from mild_core.errors import MildError, SetupError
+from mild_ros.terminal import show_any_text
 
 COMMANDS = {
     "demo": "The main job on a bag we ship: tracker messages in, a simulated robot moves, results to look at.",
@@ -20,15 +21,32 @@ COMMANDS = {
     "view": "A recorded run in a 3-D page.",
     "models": "The models here: what they learned from, how good they are.",
     "doctor": "Checks this machine's Python, ROS 2 and network and says what to do.",
+    "run": "Starts a node, as `ros2 run` does.",
+    "record": "Records topics into a bag.",
+    "status": "One screen of what runs: nodes, mode, rates, latency and alarms.",
+    "hold": "Stops every robot smoothly at once, until it is released.",
+    "enable": "Lets robots follow, or with --off stops them and sends no more commands.",
+    "reset": "Forgets the person; the robot stops smoothly and goes home.",
     "faults": "Does to real nodes all that may go wrong around them, and judges what the robot does.",
+    "data": "Recordings to learn from: what there is, under which licence, and how to get it.",
+    "measure": "Runs the benches behind the figures that README and docs print.",
     "demonstrations": "Cuts recorded bags into labelled trials to learn from.",
     "train": "Learns a model from demonstrations.",
     "evaluate": "A model's error per interaction, or a cross-validation beside the baselines.",
     "plot": "The figures and tables of a paper, from a model and its recording or from measured errors.",
 }
-"""Each is the function of that name in the module of that name; the text is what `mild --help` says of it."""
+"""Each is the function of that name in the module of that name, which may set click's `CONTEXT_SETTINGS` of it.
+
+The text is what `mild --help` says of it.
+"""
+
+MODULES = {"record": "run", "status": "operate", "hold": "operate", "enable": "operate", "reset": "operate"}
+"""Commands that share a module with others."""
 
 EXIT_SET_UP, EXIT_INTERRUPTED = 2, 130
+
+ROS_PACKAGES = ("rclpy", "ament_index_python", "builtin_interfaces", "rcl_interfaces")
+"""Packages of ROS 2 beside those of messages and services."""
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
 """What a disk without room says."""
@@ -36,6 +54,15 @@ FULL = (errno.ENOSPC, errno.EDQUOT)
 
 def _say(line: str) -> None:
     print(f"mild: {line}", file=sys.stderr)
+
+
+def _without_ros(error: ModuleNotFoundError) -> SetupError:
+    """What to do about a package of ROS 2 that is missing; raises `error` again when it is another package."""
+    package = (error.name or "").split(".")[0]
+    if package not in ROS_PACKAGES and not package.endswith(("_msgs", "_srvs")):
+        raise error
+    remedy = "source a ROS 2 Jazzy, or run ./mild in a checkout, which brings one"
+    return SetupError("ROS 2", f"is not installed here (no {package}), and this needs it", remedy)
 
 
 def _in_one_line(command: Callable[..., Any]) -> Callable[..., None]:
@@ -47,6 +74,8 @@ def _in_one_line(command: Callable[..., Any]) -> Callable[..., None]:
             command(*arguments, **options)
         except MildError as error:
             _say(str(error))
+        except ModuleNotFoundError as error:
+            _say(str(_without_ros(error)))
         except KeyboardInterrupt:
             _say("interrupted")
             raise typer.Exit(EXIT_INTERRUPTED) from None
@@ -86,13 +115,14 @@ def assemble(wanted: str | None) -> typer.Typer:
         if name != wanted:
             app.command(name, help=summary)(_not_imported)
             continue
-        command = getattr(import_module(f"mild_ros.command_line.{name}"), name)
+        module = import_module(f"mild_ros.command_line.{MODULES.get(name, name)}")
+        command, settings = getattr(module, name), getattr(module, "CONTEXT_SETTINGS", {}).get(name)
         if isinstance(command, typer.Typer):
             for part in command.registered_commands:
                 part.callback = _in_one_line(part.callback) if part.callback else None
             app.add_typer(command, name=name, short_help=summary)
         else:
-            app.command(name, short_help=summary)(_in_one_line(command))
+            app.command(name, short_help=summary, context_settings=settings)(_in_one_line(command))
     return app
 
 
@@ -102,9 +132,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     Args:
         arguments: Without the program's name; those of the process by default.
     """
+    show_any_text()
     given = list(sys.argv[1:] if arguments is None else arguments)
     wanted = next((word for word in given if not word.startswith("-")), None)
-    assemble(wanted)(args=given, prog_name="mild")
+    try:
+        app = assemble(wanted)
+    except ModuleNotFoundError as error:
+        _say(str(_without_ros(error)))
+        raise SystemExit(EXIT_SET_UP) from None
+    app(args=given, prog_name="mild")
 
 
 if __name__ == "__main__":

@@ -3,13 +3,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.console import Console
 
+from mild_core.budgets import TABLE_BYTES, parse_json, read_file
 from mild_core.errors import SetupError
 from mild_ros.command_line.options import Config, Given, Model, Source
 
@@ -193,7 +193,7 @@ def table(
 def _table(path: Path) -> dict[str, Any]:
     """One table of a cross-validation."""
     try:
-        found: dict[str, Any] = json.loads(path.read_text())
+        found: dict[str, Any] = parse_json(read_file(path, TABLE_BYTES))
         if not all(key in row for row in found["methods"] for key in ("title", "labels", "macro_mean", "interactions")):
             raise KeyError("methods")
         return {**found, "unit": found["unit"]}

@@ -122,6 +122,7 @@ def _in_process(bag: Path, folder: Path, asked: RunOptions, console: Console) ->
     from mild_ros.assembly.inference import load
     from mild_ros.assembly.perception import skeleton_source
     from mild_ros.assembly.pipeline import make_pipeline
+    from mild_ros.controller_messages import ControllerMessages
     from mild_ros.demo import RECORDED
     from mild_ros.replay import Inputs, replay_in_process
 
@@ -138,7 +139,10 @@ def _in_process(bag: Path, folder: Path, asked: RunOptions, console: Console) ->
     with console.status("replaying in process"):
         pipeline = make_pipeline(parameters, load(parameters.model))
         summary = replay_in_process(
-            bag, pipeline, inputs, recorded, rate_hz=parameters.control_rate_hz, salvage=asked.salvage
+            *(bag, pipeline, inputs, recorded),
+            rate_hz=parameters.control_rate_hz,
+            salvage=asked.salvage,
+            controllers=ControllerMessages(parameters, pipeline.retargeting, inputs.naming),
         )
     if summary.note:
         console.print(f"{bag}: {summary.note}", style="yellow", highlight=False, soft_wrap=True)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from mild_core.errors import SetupError
+from mild_core.errors import MildError, SetupError
 from mild_core.retargeting.robot_file import find_robot
 from mild_core.shapes import FloatArray
 from mild_ros.assembly.perception import make_perception, manifest_of, skeleton_source
@@ -24,7 +25,7 @@ from mild_ros.viewing.filmstrip import draw_filmstrip
 from mild_ros.viewing.page import write_page
 from mild_ros.viewing.plots import draw_plots
 from mild_ros.viewing.recorded import RecordedRun, read_run
-from mild_ros.viewing.staging import stage
+from mild_ros.viewing.staging import Staged, stage
 
 FILMSTRIP, PLOTS, PAGE, NUMBERS = "filmstrip.png", "plots.png", "page.html", "report.json"
 
@@ -36,10 +37,12 @@ class Shown:
     Attributes:
         report: The numbers.
         files: What to look at, in order.
+        problems: Why a picture is missing, a line each.
     """
 
     report: Report
     files: tuple[Path, ...]
+    problems: tuple[str, ...] = ()
 
 
 def run_with_progress(bag: Path, out: Path, options: RunOptions, console: Console, *, paused: bool = False) -> Path:
@@ -81,7 +84,7 @@ def tell_lost(bag: Path, salvage: bool, console: Console) -> None:
 
 
 def leave(recorded: Path, out: Path, options: RunOptions, title: str, console: Console) -> Shown:
-    """Measure a recorded run and draw it.
+    """Measure a recorded run and draw it. A picture that fails costs neither the numbers nor the other pictures.
 
     Args:
         recorded: The bag.
@@ -91,19 +94,39 @@ def leave(recorded: Path, out: Path, options: RunOptions, title: str, console: C
         console: Where to tell what is going on.
 
     Raises:
-        SetupError: The bag cannot be read, or shows nobody who stands still.
+        SetupError: The bag cannot be read.
     """
     parameters = options.pipeline
     robot, source = find_robot(parameters.robot), skeleton_source(parameters)
     run = read_run(recorded, source, salvage=options.salvage)
     report, manifest = make_report(run, robot), manifest_of(parameters.model)
-    with console.status("drawing"):
-        staged = stage(run, make_perception(parameters, manifest), manifest, robot)
-        draw_filmstrip(staged, robot, out / FILMSTRIP, title)
-        draw_plots(run, report, robot.joint_names, out / PLOTS, title)
-        write_page(staged, robot, out / PAGE, title)
     (out / NUMBERS).write_text(json.dumps(as_data(run, report), indent=1) + "\n")
-    return Shown(report, (recorded, out / FILMSTRIP, out / PLOTS, out / PAGE, out / NUMBERS))
+    staged: list[Staged] = []
+    drawings: tuple[tuple[str, Callable[[], None]], ...] = (
+        (PLOTS, lambda: draw_plots(run, report, robot.joint_names, out / PLOTS, title)),
+        ("scene", lambda: staged.append(stage(run, make_perception(parameters, manifest), manifest, robot))),
+        (FILMSTRIP, lambda: draw_filmstrip(staged[0], robot, out / FILMSTRIP, title)),
+        (PAGE, lambda: write_page(staged[0], robot, out / PAGE, title)),
+    )
+    made, problems = [recorded], []
+    with console.status("drawing"):
+        for name, draw in drawings:
+            (out / name).unlink(missing_ok=True)  # of an earlier run
+            if name in (FILMSTRIP, PAGE) and not staged:
+                continue
+            try:
+                draw()
+            except Exception as error:  # drawn by libraries from files of the user: anything may come of that
+                problems.append(f"no {name}: {_reason(error)}")
+            else:
+                made += [out / name] * (name != "scene")
+    return Shown(report, (*made, out / NUMBERS), tuple(problems))
+
+
+def _reason(error: Exception) -> str:
+    """What went wrong, in one line."""
+    text = " ".join(str(error).split())
+    return text if isinstance(error, MildError) else f"{type(error).__name__}: {text}"
 
 
 def tell(shown: Shown, title: str, console: Console) -> None:
@@ -114,6 +137,8 @@ def tell(shown: Shown, title: str, console: Console) -> None:
     console.print(table)
     for path in shown.files:
         console.print(f"  {path}", highlight=False, soft_wrap=True)
+    for problem in shown.problems:
+        console.print(f"  {problem}", style="yellow", highlight=False, markup=False, soft_wrap=True)
 
 
 def _lines(report: Report) -> list[tuple[str, str]]:

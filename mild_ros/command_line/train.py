@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import subprocess
 from contextlib import suppress
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from mild_core.budgets import TABLE_BYTES, parse_json, read_file
 from mild_core.errors import SetupError
 from mild_ros.share import model_folder
 
@@ -161,7 +161,7 @@ def _measured(path: Path | None, asked: Configuration, recording: Recording) -> 
     if path is None:
         return {}
     try:
-        table: dict[str, Any] = json.loads(path.read_text())
+        table: dict[str, Any] = parse_json(read_file(path, TABLE_BYTES))
         found = {row["labels"] for row in table["methods"] if row["method"] == METHOD and table["unit"]}
         of = (table["dataset"], table["protocol"])
     except (ValueError, KeyError, TypeError) as error:

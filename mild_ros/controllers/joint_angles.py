@@ -18,9 +18,17 @@ LEAST_SHARE = 0.05
 
 
 def joint_angles(kind: Any, outgoing: Outgoing) -> Any:
-    """Angles [rad], and the share of the greatest speed that the joint nearest to its own limit needs."""
+    """Angles [rad], and the share of the greatest speed that the joint nearest to its own limit needs.
+
+    That is its speed now, or its mean speed since the message before: a robot that brakes still has that way to go.
+    """
     command, limits = outgoing.command, outgoing.robot.velocity_rad_s
     needed = float(np.max(np.abs(command.velocities_rad_s) / limits))
+    before = outgoing.previous
+    if before is not None and command.stamp_ns > before.stamp_ns:
+        elapsed_s = (command.stamp_ns - before.stamp_ns) * 1e-9
+        way = np.abs(command.positions_rad - before.positions_rad)
+        needed = max(needed, float(np.max(way / limits)) / max(elapsed_s, PERIOD_S))
     message = kind(
         joint_names=list(command.joint_names),
         joint_angles=[float(angle) for angle in command.positions_rad],

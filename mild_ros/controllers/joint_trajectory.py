@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""For ros2_control's JointTrajectoryController: the next moments, ever anew, each ending in a smooth stop.
+"""For ros2_control's JointTrajectoryController: a sliding window of promised points, then a smooth stop.
 
-If messages cease, the robot comes to rest at the end of the last one, inside every limit and by itself.
+`mild_core.retargeting.trajectory_stream` makes the window. If messages cease, the robot comes to rest at the end of the
+last one, inside every limit and by itself.
 
 Source of the rules: `validate_trajectory_msg` of ros2_controllers (Jazzy): all joints and no others, times that
 strictly increase, an end that is not in the past, zero velocity at the end, no effort.
@@ -12,33 +13,30 @@ from __future__ import annotations
 import array
 from typing import Any
 
-from trajectory_msgs.msg import JointTrajectoryPoint
-
 from mild_ros.controllers.output import ControllerOutput, Outgoing
-from mild_ros.messages.stamps import duration_to_msg, time_to_msg
-
-PERIOD_S = 0.05
-"""Twenty a second: each covers many times that, and JointTrajectoryController takes a new one at any time."""
+from mild_ros.messages.stamps import NANOSECONDS_PER_SECOND, time_to_msg
+from mild_ros.messages.standard import JointTrajectoryPoint
 
 
 def joint_trajectory(kind: Any, outgoing: Outgoing) -> Any:
-    """Positions [rad] and velocities [rad/s] from the moment after `outgoing.command` to rest."""
-    command = outgoing.command
-    message = kind(joint_names=list(command.joint_names))
-    message.header.stamp = time_to_msg(command.stamp_ns)
-    ahead = outgoing.foreseen() or (command,)
-    for following in ahead:
-        at_end = following is ahead[-1]
-        message.points.append(
-            JointTrajectoryPoint(
-                positions=array.array("d", following.positions_rad.tobytes()),
-                velocities=[0.0] * len(command.joint_names) if at_end else following.velocities_rad_s.tolist(),
-                time_from_start=duration_to_msg(following.stamp_ns - command.stamp_ns),
-            )
+    """Positions [rad] and velocities [rad/s] from a moment before now, the stamp, to rest."""
+    trajectory = outgoing.trajectory
+    if trajectory is None:
+        raise ValueError("no trajectory is due")
+    message = kind(joint_names=list(outgoing.command.joint_names))
+    message.header.stamp = time_to_msg(trajectory.stamp_ns)
+    for offset_ns, positions, velocities in zip(
+        trajectory.offsets_ns, trajectory.positions_rad, trajectory.velocities_rad_s, strict=True
+    ):
+        point = JointTrajectoryPoint(
+            positions=array.array("d", positions.tobytes()), velocities=array.array("d", velocities.tobytes())
         )
+        # Filled, not replaced: a hundred messages a second have some 25 points each.
+        point.time_from_start.sec, point.time_from_start.nanosec = divmod(offset_ns, NANOSECONDS_PER_SECOND)
+        message.points.append(point)
     return message
 
 
 JOINT_TRAJECTORY = ControllerOutput(
-    "joint_trajectory", "trajectory_msgs/msg/JointTrajectory", joint_trajectory, PERIOD_S
+    "joint_trajectory", "trajectory_msgs/msg/JointTrajectory", joint_trajectory, plays_trajectories=True
 )

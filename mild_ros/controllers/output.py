@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.trajectory_stream import Trajectory
 from mild_core.signals import JointCommand
 
 
@@ -17,15 +18,17 @@ class Outgoing:
 
     Attributes:
         command: What to do now.
-        foreseen: What will be commanded if nothing more comes, to a smooth stop; worked out when asked for.
         robot: Whose limits these are, in the order of the command.
         position_order: Names of joints as a controller of bare numbers has them.
+        previous: The command in the message before; None in the first.
+        trajectory: For an output with `plays_trajectories`: what has been promised, and a stop.
     """
 
     command: JointCommand
-    foreseen: Callable[[], tuple[JointCommand, ...]]
     robot: RobotModel
     position_order: tuple[str, ...]
+    previous: JointCommand | None = None
+    trajectory: Trajectory | None = None
 
 
 @dataclass(frozen=True)
@@ -37,9 +40,12 @@ class ControllerOutput:
         type_name: Of its messages; the package may be absent.
         message: Fills one, given its class.
         period_s: No two within this time; 0 sends one with every command.
+        plays_trajectories: Whether its controller splices each message onto what it plays. Commands are then made
+            ahead of time: see `mild_core.retargeting.trajectory_stream`, which also tells when messages are due.
     """
 
     topic: str
     type_name: str
     message: Callable[[Any, Outgoing], Any]
     period_s: float = 0.0
+    plays_trajectories: bool = False

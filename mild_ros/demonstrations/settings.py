@@ -20,12 +20,12 @@ take_3 = [{from_s = 3.0, to_s = 40.0, interaction = "hand_wave"}]
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
+from mild_core.budgets import SETTINGS_BYTES, parse_toml, read_file
 from mild_core.errors import SetupError, unknown_name
 from mild_ros.demonstrations.labels import BagLabels, bag_labels
 from mild_ros.parameters import from_values, parameter
@@ -125,9 +125,7 @@ def read_settings(path: Path | None) -> DemonstrationSettings:
     if path is None:
         return DemonstrationSettings()
     try:
-        values = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise SetupError(str(path), "there is no such file", REMEDY) from None
+        values = parse_toml(read_file(path, SETTINGS_BYTES, REMEDY))
     except ValueError as error:
         raise SetupError(str(path), f"is no TOML ({error})", REMEDY) from None
     known = [entry.name for entry in fields(DemonstrationSettings)]

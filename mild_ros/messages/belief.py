@@ -5,9 +5,8 @@ from __future__ import annotations
 
 import array
 
-from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
-
 from mild_core.signals import MotionWindow
+from mild_ros.messages.standard import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
 
 
 def belief_to_msg(motion: MotionWindow) -> Float64MultiArray:

@@ -5,16 +5,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Any
 
-from mild_core.errors import SetupError
 from mild_ros.messages.joint_by_joint import People
 
 SKELETON_TOPIC = "skeleton"
-
-PACKAGED = {"tf2_msgs", "hri_msgs", "zed_msgs"}
-"""Packages of messages that apt has but not every ROS installation; `yolo_msgs` has to be built."""
 
 
 @dataclass(frozen=True)
@@ -35,21 +30,3 @@ class Feed:
     read: Callable[[Any, int], People | None]
     latched: bool = False
     lacks: Callable[[], str] | None = None
-
-
-def message_class(type_name: str) -> type[Any]:
-    """The class of a message type, e.g. of `geometry_msgs/msg/PoseArray`.
-
-    Raises:
-        SetupError: Its package is not installed.
-    """
-    package, _, name = type_name.split("/")
-    try:
-        found = getattr(import_module(f"{package}.msg"), name)
-    except ImportError:
-        remedy = f"apt install ros-jazzy-{package.replace('_', '-')}"
-        if package not in PACKAGED:
-            remedy = f"build {package} in your workspace and source it"
-        raise SetupError(type_name, f"the package {package} is not installed", remedy) from None
-    assert isinstance(found, type)
-    return found

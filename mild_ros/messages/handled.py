@@ -9,10 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from std_msgs.msg import Header
-
 from mild_core.errors import DataError
 from mild_ros.messages.stamps import ns_from_msg, time_to_msg
+from mild_ros.messages.standard import Header
 
 
 @dataclass(frozen=True)

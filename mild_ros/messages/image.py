@@ -7,9 +7,9 @@ import array
 
 import numpy as np
 from numpy.typing import NDArray
-from sensor_msgs.msg import Image
 
 from mild_ros.messages.stamps import time_to_msg
+from mild_ros.messages.standard import Image
 
 
 def image_to_msg(pixels: NDArray[np.uint8], stamp_ns: int, frame_id: str) -> Image:

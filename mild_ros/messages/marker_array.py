@@ -7,14 +7,11 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from builtin_interfaces.msg import Duration
-from geometry_msgs.msg import Point, Pose, Vector3
-from std_msgs.msg import ColorRGBA, Header
-from visualization_msgs.msg import Marker, MarkerArray
 
 from mild_core.perception.skeletons import SkeletonSource
 from mild_core.signals import SkeletonFrame
 from mild_ros.messages.stamps import ns_from_msg, time_to_msg
+from mild_ros.messages.standard import ColorRGBA, Duration, Header, Marker, MarkerArray, Point, Pose, Vector3
 
 _ADD = 0
 _DIAMETER_M = 0.05

@@ -15,9 +15,6 @@ import array
 from typing import Any
 
 import numpy as np
-from sensor_msgs.msg import PointCloud2
-from std_msgs.msg import Header
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from mild_core.errors import DataError
 from mild_core.shapes import FloatArray
@@ -25,6 +22,7 @@ from mild_core.signals import ARM_FRAME, ARM_JOINTS, MotionWindow
 from mild_ros.messages.feature_window import POSITION_FIELDS
 from mild_ros.messages.point_cloud import array_from_msg, array_to_msg
 from mild_ros.messages.stamps import duration_to_msg, ns_from_msg, time_to_msg
+from mild_ros.messages.standard import Header, JointTrajectory, JointTrajectoryPoint, PointCloud2
 
 SCALARS = ("interaction", "probability", "phase", "out_of_distribution", "lead_ns", "period_ns")
 

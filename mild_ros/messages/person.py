@@ -6,13 +6,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from sensor_msgs.msg import PointCloud2
-from std_msgs.msg import Header
 
 from mild_core.errors import DataError
 from mild_core.signals import PersonPose
 from mild_ros.messages.point_cloud import array_from_msg, array_to_msg
 from mild_ros.messages.stamps import ns_from_msg, time_to_msg
+from mild_ros.messages.standard import Header, PointCloud2
 
 FIELDS = ("x", "y", "z")
 

@@ -12,11 +12,10 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from sensor_msgs.msg import PointCloud2, PointField
-from std_msgs.msg import Header
 
 from mild_core.errors import DataError
 from mild_core.shapes import FloatArray, read_only, require_shape
+from mild_ros.messages.standard import Header, PointCloud2, PointField
 
 _BYTES = 8
 

@@ -6,12 +6,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import Point, Pose, PoseArray
-from std_msgs.msg import Header
 
 from mild_core.perception.skeletons import SkeletonSource
 from mild_core.signals import SkeletonFrame
 from mild_ros.messages.stamps import ns_from_msg, time_to_msg
+from mild_ros.messages.standard import Header, Point, Pose, PoseArray
 
 
 def people_from_pose_array(message: Any, source: SkeletonSource, now_ns: int) -> tuple[SkeletonFrame, ...]:

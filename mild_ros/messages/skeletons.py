@@ -10,8 +10,9 @@ from typing import Any
 from mild_core.errors import SetupError
 from mild_core.perception.skeletons import SkeletonSource
 from mild_core.signals import SkeletonFrame
+from mild_ros.message_types import required_message_class
 from mild_ros.messages import joint_poses, transforms
-from mild_ros.messages.feeds import SKELETON_TOPIC, Feed, message_class
+from mild_ros.messages.feeds import SKELETON_TOPIC, Feed
 from mild_ros.messages.landmark_array import people_from_landmark_array
 from mild_ros.messages.marker_array import people_from_marker_array
 from mild_ros.messages.pose_array import people_from_pose_array
@@ -38,7 +39,7 @@ class SkeletonAdapter:
     @property
     def message_type(self) -> type[Any]:
         """The class to subscribe with; SetupError when its package is not installed."""
-        return message_class(self.type_name)
+        return required_message_class(self.type_name)
 
     def feeds(self, source: SkeletonSource) -> tuple[Feed, ...]:
         """The topics to listen to; what is read from them shares one memory."""

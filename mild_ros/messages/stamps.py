@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from builtin_interfaces.msg import Duration, Time
+from mild_ros.messages.standard import Duration, Time
 
 NANOSECONDS_PER_SECOND = 1_000_000_000
 

@@ -54,7 +54,8 @@ class Scene:
 
 def scene_of(robot: RobotModel) -> Scene:
     """A table for a robot that needs one, and the floor."""
-    return Scene() if robot.floor_m is None else Scene(table=False, floor_m=robot.floor_m)
+    floor_m = Scene.floor_m if robot.floor_m is None else robot.floor_m
+    return Scene(table=robot.on_table, floor_m=floor_m)
 
 
 class SimulatedRobot(Protocol):

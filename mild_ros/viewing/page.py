@@ -7,6 +7,7 @@ import html
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import viser
@@ -22,7 +23,7 @@ from mild_ros.viewing.renderer import quaternion
 from mild_ros.viewing.staging import Staged
 
 FRAMES_PER_SECOND = 20.0
-TABLE_TOP, TABLE_FOOT, FLOOR = (92, 99, 112), (148, 156, 168), (225, 229, 234)
+TABLE_TOP, TABLE_FOOT, FLOOR, UNPAINTED = (92, 99, 112), (148, 156, 168), (225, 229, 234), (180, 184, 190)
 
 
 def write_page(staged: Staged, robot: RobotModel, path: Path, title: str) -> None:
@@ -33,7 +34,7 @@ def write_page(staged: Staged, robot: RobotModel, path: Path, title: str) -> Non
     with _server() as server:
         recording = server.get_scene_serializer()
         _light_and_camera(server, staged.floor_m)
-        _furniture(server, staged.floor_m, with_table=robot.floor_m is None)
+        _furniture(server, staged.floor_m, with_table=robot.on_table)
         links = _robot(server, robot, positions)
         parts = _person(server, body_parts(staged.bodies))
         label = server.scene.add_label("/belief", "", position=(-0.2, 0.0, 0.95), anchor="bottom-center")
@@ -87,17 +88,28 @@ def _robot(
         pose, name = graph.get(node, frame_from=link)[0], graph[node][1]
         mesh = geometry[name]
         vertices = mesh.vertices @ pose[:3, :3].T + pose[:3, 3]
-        red, green, blue, _ = (int(value) for value in mesh.visual.main_color)
         server.scene.add_mesh_simple(
             f"/robot/{link}/{name}",
             vertices.astype(np.float32),
             np.asarray(mesh.faces, dtype=np.uint32),
-            color=(red, green, blue),
+            color=_colour(mesh),
             flat_shading=True,
         )
     shape = (len(positions_rad), 4, 4)
     poses = {link: np.broadcast_to(forward_kinematics(robot, positions_rad, link), shape) for link in links}
     return [(handle, poses[link]) for link, handle in links.items()]
+
+
+def _colour(mesh: Any) -> tuple[int, int, int]:
+    """Of a mesh, or the middle colour of its texture; grey where it has neither."""
+    visual = mesh.visual
+    try:
+        if visual.kind == "texture":
+            visual = visual.to_color()
+        red, green, blue = (int(value) for value in visual.main_color[:3])
+    except (AttributeError, TypeError, ValueError, IndexError, OSError):  # a material that trimesh cannot read
+        return UNPAINTED
+    return red, green, blue
 
 
 def _light_and_camera(server: viser.ViserServer, floor_m: float) -> None:

@@ -48,7 +48,7 @@ class Renderer:
         boxes = [bullet.getAABB(self._robot, link, physicsClientId=client) for link in (-1, *self._joints.values())]
         self.top_m = max(high[2] for _, high in boxes)
         self._parts: list[tuple[BodyPart, int]] = []
-        self._furniture(floor_m, with_table=robot.floor_m is None)
+        self._furniture(floor_m, with_table=robot.on_table)
         self.place(dict(robot.rest), None)
 
     def add_person(self, parts: Sequence[BodyPart]) -> None:

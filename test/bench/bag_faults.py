@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Broken bags by the thousand: each must be read, be refused in one line, or be salvaged with a count of what is lost.
 
-    python -m test.bench.bag_faults [--mutations 10000] [--seed 0] [--json]
+    ./mild measure bag_faults [--mutations 10000] [--seed 0] [--json]
 
 A good bag of every kind is harmed at random and opened, once plainly and once with salvage. Anything but a `BagError`
 of one line (or, for a single message, a `DataError`) is a failure, and so is an opening that takes too long.

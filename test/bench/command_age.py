@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """How old is a command? From the stamp of a skeleton to the arrival of the `JointState` that answers it, over DDS.
 
-    python -m test.bench.command_age [--rate 100] [--seconds 10] [--model NAME] [--source azure_kinect] [--json]
+    ./mild measure command_age [--rate 100] [--seconds 10] [--model NAME] [--source azure_kinect] [--json]
 
 Three processes: a tracker that publishes ready-made bytes of a kinematic human (as a compiled driver would), the
 `pipeline` node, and this one, which listens as a robot's driver would. An answer is a command that a skeleton caused;

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """How near the hands come: recorded trials and generated bags through the pipeline into the simulated robot.
 
-`python -m test.bench.contact [--data FOLDER] [--every N] [--ik blend off only]` prints, for each interaction in which
+`./mild measure contact [--data FOLDER] [--every N] [--ik blend off only]` prints, for each interaction in which
 hands touch, the distance of the person's true hand and the simulated robot's while they are to touch and the person's
 is within reach, and how far the motion before the approach is from the learned one. The trials were trained on.
 """

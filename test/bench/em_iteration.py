@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How much processor time learning takes, beside the same in plain torch loops: `python -m test.bench.em_iteration`.
+"""How much processor time learning takes, beside the same in plain torch loops: `./mild measure em_iteration`.
 
 One iteration of expectation maximisation at METHOD's size: 38 demonstrations of 600 frames, a 10-D latent, 10
 components, durations up to 100 frames. With `--epoch` also an epoch of one network of the live model; with `--training`
@@ -8,7 +8,7 @@ that whole model, all networks of one seed, from all trials.
 
 from __future__ import annotations
 
-import sys
+import argparse
 from dataclasses import replace
 from time import process_time
 
@@ -133,15 +133,24 @@ def measure_training() -> float:
     return process_time() - start
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--epoch", action="store_true", help="also an epoch of one network of the live model")
+    parser.add_argument("--training", action="store_true", help="also the training of the whole live model")
+    given = parser.parse_args()
     demonstrations = made_latents()
     hsmm = made_prior(demonstrations)
     times = measure(demonstrations, hsmm)
     print(f"one EM iteration: median {np.median(times):.1f} ms, best {times.min():.1f} ms of {len(times)}")
     milliseconds, apart = looped(demonstrations, hsmm)
     print(f"its expectation alone in torch loops: {milliseconds:.0f} ms; log-likelihoods {apart:.1e} apart per frame")
-    if "--epoch" in sys.argv:
+    if given.epoch:
         times = 1e3 * measure_epochs()
         print(f"one epoch of a network: median {np.median(times):.0f} ms, best {times.min():.0f} ms of {len(times)}")
-    if "--training" in sys.argv:
+    if given.training:
         print(f"a whole model: {measure_training():.0f} s")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pepper and a person shake hands: `python -m test.bench.pepper_contact docs/pictures/pepper_handshake.png`.
+"""Pepper and a person shake hands: `./mild measure pepper_contact docs/pictures/pepper_handshake.png`.
 
 A name that ends in `.html` makes a page of it, to turn around and play in any browser, offline.
 
@@ -9,7 +9,7 @@ inverse kinematics brings the two together. Whole bodies, face to face: at rest,
 
 from __future__ import annotations
 
-import sys
+import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -93,16 +93,18 @@ def draw(shown: Staged, path: Path) -> None:
     Image.fromarray(np.concatenate(pictures, axis=1)).save(path)
 
 
-def main() -> int:
+def main() -> None:
     """Draw it, or make a page of it."""
-    offer, path = Offer(PEPPER, learned_hand(PEPPER) + BESIDE_M), Path(sys.argv[1])
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("file", type=Path, help="a picture (.png) or a page (.html)")
+    path = parser.parse_args().file
+    offer = Offer(PEPPER, learned_hand(PEPPER) + BESIDE_M)
     shown = staged(offer, answered(offer)[0])
     if path.suffix == ".html":
         write_page(shown, PEPPER, path, "Pepper and a person shake hands")
     else:
         draw(shown, path)
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -1,17 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What perception makes of real recordings: `python -m test.bench.perception_figures`.
+"""What perception makes of real recordings: `./mild measure perception_figures`.
 
 The table is the one in `docs/trackers.md`, and a test holds it to that.
 """
 
 from __future__ import annotations
 
+import argparse
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from mild_core.errors import SetupError
 from mild_core.perception.skeletons import SOURCES
 from mild_core.perception.stage import Perception, PerceptionSettings
 from mild_core.signals import SkeletonFrame
@@ -76,6 +78,19 @@ def table(data: Path, bags: Path) -> str:
     return HEADING + "".join(rows)
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Print the table."""
     shared = Path(__file__).resolve().parents[3] / "shared"
-    print(table(Path(os.environ.get("MILD_DATA", shared / "data")), Path(os.environ.get("MILD_BAGS", shared / "bags"))))
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    data, bags = (Path(os.environ.get(f"MILD_{kind.upper()}", shared / kind)) for kind in ("data", "bags"))
+    parser.add_argument("--data", type=Path, default=data, help="recordings, with nuisi_raw")
+    parser.add_argument("--bags", type=Path, default=bags, help="real bags, with azure_kinect_body_tracking")
+    given = parser.parse_args()
+    for folder in (given.data, given.bags):
+        if not folder.is_dir():
+            raise SetupError(str(folder), "no such folder", "name the recordings by --data and the bags by --bags")
+    print(table(given.data, given.bags))
+
+
+if __name__ == "__main__":
+    main()

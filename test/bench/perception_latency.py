@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How long one skeleton takes through perception: `python -m test.bench.perception_latency`.
+"""How long one skeleton takes through perception: `./mild measure perception_latency`.
 
 One thread, a body of 32 joints at the model's rate, from people to window and person; and what reading the tracker's
 bytes takes before it. Time of the processor, not of the wall, and the best median of several runs: other processes only
@@ -8,6 +8,7 @@ ever make it longer.
 
 from __future__ import annotations
 
+import argparse
 import gc
 from collections.abc import Callable
 from time import thread_time_ns
@@ -39,6 +40,8 @@ def microseconds(one: Callable[[Any], Any], inputs: list[Any]) -> float:
 
 
 def main() -> None:
+    """Measure and print."""
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     source, perception = SOURCES["azure_kinect"], Perception(SETTINGS)
     messages = seen(at_rate(40.0, 12.0))
     data = [serialize_message(people_to_marker_array(people, source)) for people in messages]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How long one tick of retargeting takes: `python -m test.bench.retargeting_tick [--panda FILE]`.
+"""How long one tick of retargeting takes: `./mild measure retargeting_tick [--panda FILE]`.
 
 CPU time of the thread for each robot and by what it does, as mean, median and 99th percentile; then of what a tick does
 once in contact: the motion wanted, the hands brought together, the planner, the judge. The same ticks are repeated, and

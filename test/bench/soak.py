@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A soak: random people and interactions, one after the other, and random faults of their tracker and of the robot.
 
-`python -m test.bench.soak --minutes 30` lets the time of the pipeline run as fast as it can; with `--real-minutes 10`
+`./mild measure soak --minutes 30` lets the time of the pipeline run as fast as it can; with `--real-minutes 10`
 the real nodes suffer random faults in real time, over DDS. Both tell what broke a limit and how the memory has grown.
 """
 

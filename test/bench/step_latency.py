@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How long one step of inference takes: `python -m test.bench.step_latency [--model FOLDER] [--interaction NAME|auto]`.
+"""How long one step of inference takes: `./mild measure step_latency [--model FOLDER] [--interaction NAME|auto]`.
 
 One thread, the whole step: from a feature window to a motion window with covariance, belief and phase. Without a model
 it takes one of the paper's sizes with random weights: 360-250-150-5 and 5-150-250-280, K = 10 components.

@@ -6,9 +6,11 @@ import json
 import numpy as np
 import pytest
 
+from mild_ros.share import share_folder
 from test.command_line.test_main import run
 from test.command_line.test_train import smooth_track
 from test.core.learning.test_buetepage_hr import one_hot, track, write
+from test.core.learning.test_nuisi import write as write_nuisi
 
 
 @pytest.fixture(scope="module")
@@ -39,6 +41,30 @@ def test_json_holds_the_figures_and_nothing_else(model, data, labels, capsys):
     assert told["windows"] == sum(row["windows"] for row in told["interactions"].values()) == 81
     assert told["rmse_deg"] > 0
     assert (told["recognised_share"] is None) == (labels != "recognised")
+
+
+def test_live_is_what_the_robot_runs_also_after_standing(model, data, capsys):
+    assert evaluate(model, data, "--labels", "live", "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    later = found["after_standing"]
+    assert later["seconds"] == 3.0
+    assert found["windows"] == later["windows"] == 81, "windows of the standing itself are not scored"
+    assert found["recognised_share"] is not None
+    assert found["macro"]["mse"] != later["macro"]["mse"]
+    assert evaluate(model, data, "--labels", "live") == 0
+    assert "after 3 s of standing" in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_model_of_two_people_has_no_robot_that_starts_somewhere(data, capsys):
+    two_people = str(share_folder("models") / "nuisi_partner_next")
+    nuisi = data.with_name("nuisi.npz")
+    tracks = [np.random.default_rng(index).normal(size=(30, 18)) for index in range(2)]
+    write_nuisi(nuisi, tracks, [0, 1])
+    assert run("evaluate", "--model", two_people, "--data", str(nuisi), "--labels", "started") == 2
+    said = capsys.readouterr().err
+    assert "there is no robot that could say where it starts; use labels given, recognised or live" in said
+    assert len(said.strip().splitlines()) == 1
+    assert run("evaluate", "--model", two_people, "--data", str(nuisi), "--labels", "live") == 0
 
 
 def test_the_table_says_that_training_trials_are_no_test(model, data, capsys):

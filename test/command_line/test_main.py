@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """One place lists the commands, imports only the wanted one and tells faults in one line."""
 
+import os
 import subprocess
 import sys
 
@@ -88,3 +89,11 @@ def test_a_fault_of_ours_shows_where_it_comes_from(planted):
     planted(faulty)
     with pytest.raises(ZeroDivisionError):
         main(["train"])
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
+def test_a_terminal_without_utf8_shows_what_it_can(encoding: str) -> None:
+    command = [sys.executable, "-m", "mild_ros.command_line.main", "models"]
+    shown = subprocess.run(command, env=dict(os.environ, PYTHONIOENCODING=encoding), capture_output=True, timeout=60)
+    assert shown.returncode == 0, shown.stderr
+    assert b"yumi_buetepage_ahead" in shown.stdout

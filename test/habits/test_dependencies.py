@@ -63,7 +63,7 @@ def imported(root: Path) -> dict[str, str]:
     for path in python_files(root, "mild_core", "mild_ros"):
         for item in imports(root, path):
             top = item.module.split(".")[0]
-            if top not in sys.stdlib_module_names and top not in ("mild_core", "mild_ros"):
+            if top not in sys.stdlib_module_names and top not in ("mild_core", "mild_ros", "test"):
                 found.setdefault(distribution(top), f"{path.relative_to(root)}:{item.line}")
     return found
 

@@ -15,6 +15,7 @@ from mild_ros.command_line.main import COMMANDS
 from mild_ros.controllers import OUTPUTS
 from mild_ros.diagnostics import UNREMARKABLE
 from mild_ros.documentation import DELIVERY, SECTIONS, TOPICS, filled
+from test.bench import BENCHES
 from test.habits.tree import ROOT, called, files, parse, plant, python_files
 
 OUTCOMES = (stage.__doc__ or "").split("Beside them")[0].split("outcome,", 1)[-1]
@@ -24,10 +25,12 @@ DOCUMENTS = [path for path in files(ROOT) if path.suffix == ".md"]
 
 
 def wrong_commands(text: str) -> list[str]:
-    """Lines of `sh` and `bash` blocks that call `./mild` with a command that there is not."""
-    blocks = re.findall(r"^```(?:bash|sh|console)\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
-    called_so = re.findall(r"\./mild +(--?\w+|\w+)", "\n".join(blocks))
-    return [name for name in called_so if name not in (*COMMANDS, "check", "test", "--help")]
+    """Commands and benches, in blocks and in sentences, that `./mild` does not have; modules of tests that are run."""
+    called_so = re.findall(r"\./mild\s+(--?\w+|\w+)", text)
+    wrong = [name for name in called_so if name not in (*COMMANDS, "check", "test", "--help")]
+    measured = re.findall(r"\./mild\s+measure\s+([\w-]+)", text)
+    wrong += [f"measure {name}" for name in measured if name not in (*BENCHES, "NAME", "--help")]
+    return wrong + re.findall(r"python3? -m (test\.[\w.]+)", text)
 
 
 def broken_links(path: Path) -> list[str]:
@@ -94,6 +97,10 @@ def test_wrong_commands_and_links_are_rejected(tmp_path: Path) -> None:
         "[a](a.md) [b](b.md#part) [c](https://c.example) ![d](d.png)\n```bash\n./mild dmeo\n./mild demo --help\n```\n"
     )
     assert wrong_commands(text) == ["dmeo"]
+    sentence = (
+        "Figures of `./mild measure contact --every 2`, `./mild measure contcat` and `python -m test.bench.soak`."
+    )
+    assert wrong_commands(sentence) == ["measure contcat", "test.bench.soak"]
     plant(tmp_path, "b.md", "")
     assert broken_links(plant(tmp_path, "a.md", text)) == ["d.png"]
 

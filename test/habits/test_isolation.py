@@ -81,7 +81,7 @@ def test_the_run_time_core_needs_four_packages() -> None:
 
 @pytest.mark.slow
 def test_every_command_of_the_smaller_set_up_starts_without_torch() -> None:
-    commands = ("demo", "replay", "view", "models", "doctor", "evaluate", "plot", "train")
+    commands = ("demo", "replay", "view", "models", "doctor", "evaluate", "plot", "train", "measure")
     then = (
         f"from mild_ros.command_line.main import main\nfor command in {commands}:\n"
         "    try: main([command, '--help'])\n    except SystemExit as end: assert end.code == 0, command"
@@ -90,3 +90,32 @@ def test_every_command_of_the_smaller_set_up_starts_without_torch() -> None:
     assert result.returncode == 0, result.stderr
     for command in commands:
         assert f"Usage: mild {command} " in result.stdout
+
+
+ROS_ONLY = ("rclpy", "ament_index_python", "rpyutils", *MESSAGES)
+
+
+@pytest.mark.parametrize("words", [["models"], ["models", "yumi_buetepage_ahead"], ["data"]])
+def test_what_does_not_need_ros_works_without_it(words: list[str]) -> None:
+    result = _run_without(ROS_ONLY, f"from mild_ros.command_line.main import main\nmain({words!r})")
+    assert result.returncode == 0, result.stderr
+    assert "yumi" in result.stdout.lower()
+
+
+@pytest.mark.slow
+def test_a_bag_is_replayed_without_ros_to_the_same_bytes(tmp_path: Path) -> None:
+    def digest(refused: tuple[str, ...]) -> str:
+        words = ["replay", "bags/hand_wave", "--out", str(tmp_path / f"{len(refused)}")]
+        result = _run_without(refused, f"from mild_ros.command_line.main import main\nmain({words!r})")
+        assert result.returncode == 0, result.stderr
+        return next(line for line in result.stdout.splitlines() if "SHA-256" in line)
+
+    assert digest(ROS_ONLY) == digest(())
+
+
+@pytest.mark.parametrize("words", [["status"], ["run", "pipeline"], ["record", "a_bag"], ["faults"], ["demo"]])
+def test_what_needs_ros_says_so_in_one_line(words: list[str]) -> None:
+    result = _run_without(ROS_ONLY, f"from mild_ros.command_line.main import main\nmain({words!r})")
+    assert result.returncode == 2
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert "ROS 2: is not installed here" in result.stderr

@@ -58,7 +58,21 @@ def test_help_lists_every_command() -> None:
 def test_an_unknown_command_is_one_line(clone: Path) -> None:
     result = _mild(clone, "dmeo")
     assert (result.returncode, result.stderr.count("\n")) == (2, 1)
-    assert "'dmeo' is unknown" in result.stderr
+    assert "'dmeo' is unknown; did you mean demo?" in result.stderr
+    assert "did you mean" not in _mild(clone, "nonsense").stderr
+
+
+def test_an_interrupted_set_up_is_one_line(tmp_path: Path) -> None:
+    folder = copy_of_checkout(tmp_path / "a clone")
+    process = subprocess.Popen(
+        [str(folder / "mild"), "models"], env=_environment(), stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    assert process.stderr is not None
+    assert "making .venv" in process.stderr.readline()
+    os.killpg(process.pid, signal.SIGINT)  # control-C reaches the whole group
+    assert process.wait(60.0) == 130
+    assert process.stderr.read().splitlines() == ["mild: interrupted; the next call goes on with the set-up"]
+    process.stderr.close()
 
 
 def test_a_wrong_python_is_one_line(clone: Path, tmp_path: Path) -> None:
@@ -97,10 +111,13 @@ def test_a_full_disk_is_one_line(clone: Path, tmp_path: Path) -> None:
 def test_no_network_is_one_line(tmp_path: Path) -> None:
     """A proxy that nobody listens at is a network that is not there."""
     clone = copy_of_checkout(tmp_path / "clone")
+    for module in ("venv.py", "ensurepip.py", "pip/__init__.py", "json.py"):  # the current folder, which is not asked
+        plant(tmp_path, module, f"open({str(tmp_path / 'trace')!r}, 'a').write({module!r})\n")
     result = _mild(clone, "demo", HTTPS_PROXY="http://127.0.0.1:9", HTTP_PROXY="http://127.0.0.1:9")
     assert result.returncode == 2
     assert NO_NETWORK in result.stderr.splitlines()[-1]
     assert "Traceback" not in result.stderr
+    assert not (tmp_path / "trace").exists()
 
 
 @pytest.mark.slow

@@ -72,5 +72,5 @@ def test_the_figures_in_the_documents_are_so(mild_data: Path, shared_bags: Path)
     if not (mild_data / "nuisi_raw").is_dir() or not (shared_bags / "azure_kinect_body_tracking").is_dir():
         pytest.skip("not all of the real recordings are here")
     assert table(mild_data, shared_bags) in (ROOT / "docs" / "trackers.md").read_text(), (
-        "run: python -m test.bench.perception_figures"
+        "run: ./mild measure perception_figures"
     )

@@ -23,6 +23,7 @@ from mild_core.perception.skeletons import SOURCES
 from mild_core.pipeline import Pipeline
 from mild_core.retargeting.robots.pepper import PEPPER
 from mild_core.retargeting.robots.yumi import YUMI
+from mild_core.retargeting.stage import Request
 from mild_core.signals import ARM_JOINTS
 from mild_ros.assembly.inference import load
 from mild_ros.assembly.pipeline import make_pipeline
@@ -73,6 +74,24 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def in_process(scene: Path, pipeline: Pipeline, tmp_path_factory: pytest.TempPathFactory) -> tuple[ReplaySummary, Path]:
     output = tmp_path_factory.mktemp("replayed") / "out"
     return replay_in_process(scene, pipeline, INPUTS, output), output
+
+
+def test_a_reset_forgets_in_all_three_stages_but_keeps_their_counts(scene: Path, pipeline: Pipeline) -> None:
+    state = pipeline.init()
+    with open_bag(scene) as bag:
+        for step in fold(bag, pipeline, INPUTS):
+            state, now_ns = step.state, step.event.time_ns
+    assert state.perception.person is not None and state.retargeting.plan is not None
+    after, output = pipeline.step(state, Request("reset"), now_ns)
+    fresh = pipeline.init()
+    assert after.perception.person is None and after.perception.calibration is None
+    assert state.inference.index > 0 and state.inference.stamp_ns is not None
+    assert (after.inference.index, after.inference.stamp_ns) == (fresh.inference.index, fresh.inference.stamp_ns)
+    assert after.retargeting.plan is None and after.retargeting.outcome == "reset"
+    assert after.perception.counts == state.perception.counts
+    assert after.inference.counts == state.inference.counts
+    assert after.retargeting.counts == {**state.retargeting.counts, "reset": 1}
+    assert output.commands == () and output.motions == ()
 
 
 def command_bytes(path: Path) -> list[bytes]:

@@ -148,7 +148,7 @@ def test_three_nodes_do_it_too_and_each_can_be_stopped(
         room.live(lambda: room.around.status()[2]["mode"] == "following", f"following after a reset of {name}")
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_at_work_ends_it_with_code_0(
     start: Callable[..., NodeProcess], room: Room, random_model: Path, number: int
 ) -> None:

@@ -152,7 +152,7 @@ def test_help_lists_the_parameters() -> None:
     assert "control_rate_hz (default 100.0) [10 … 500 Hz]" in answer.stdout
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_while_loading_ends_it_too(start: Callable[..., NodeProcess], probe: Probe, number: int) -> None:
     node = start("simulation")
     # In the graph from the constructor of the node on, so it may still be loading the robot.

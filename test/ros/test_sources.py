@@ -14,7 +14,7 @@ from mild_core.errors import DataError, SetupError
 from mild_core.perception.skeletons import SOURCES, SkeletonSource
 from mild_core.perception.stage import Perception, PerceptionState
 from mild_core.signals import FeatureWindow, SkeletonFrame
-from mild_ros.messages.feeds import message_class
+from mild_ros.message_types import required_message_class
 from mild_ros.messages.joint_by_joint import People
 from mild_ros.messages.skeletons import ADAPTERS, people_from_msg
 from test.core.perception.scene import SECOND, SETTINGS, at_rate, newest_arms, seen, truth
@@ -173,9 +173,9 @@ def test_a_loop_in_the_tree_of_frames_ends() -> None:
 
 def test_a_package_that_is_not_there_is_one_line() -> None:
     with pytest.raises(SetupError) as caught:
-        message_class("zed_msgs/msg/ObjectsStamped")
+        required_message_class("zed_msgs/msg/ObjectsStamped")
     assert str(caught.value) == (
         "zed_msgs/msg/ObjectsStamped: the package zed_msgs is not installed; apt install ros-jazzy-zed-msgs"
     )
     with pytest.raises(SetupError, match="build yolo_msgs in your workspace"):
-        message_class("yolo_msgs/msg/DetectionArray")
+        required_message_class("yolo_msgs/msg/DetectionArray")

@@ -46,7 +46,7 @@ def on_both(commands: tuple[list[str], list[str]], multicast: bool, **environmen
     run = subprocess.run(
         [*NAMESPACES, "--user", "--map-root-user", *words],
         cwd=ROOT,
-        env=dict(os.environ, **environment),
+        env=dict(os.environ, PYTHONPATH=str(ROOT), **environment),  # `./mild test` takes nothing from where it stands
         capture_output=True,
         text=True,
         timeout=PATIENCE_S,

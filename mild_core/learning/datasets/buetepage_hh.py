@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mild_core.budgets import SETTINGS_BYTES, read_file, read_numbers
 from mild_core.errors import DatasetError
 from mild_core.learning.archive import REMEDY, numbers
 from mild_core.learning.datasets.traj_data import from_the_shoulder
@@ -36,7 +38,7 @@ LEARNED = 0.8
 STILL_M = 1e-3
 """A frame moves when its joints go farther than this on average."""
 
-LARGEST_HEADER = 100_000
+LARGEST_HEADER, LARGEST_TABLE = 100_000, 256 << 20
 
 
 def read(path: Path) -> Demonstrations:
@@ -99,16 +101,16 @@ def _arm(path: Path) -> FloatArray:
     """(T, 9) the right arm of one file: shoulder, elbow, hand; x forward, y left, z up [m]."""
     thing = f"recording '{path}'"
     try:
-        with path.open(encoding="utf-8") as file:
-            names = file.readline(LARGEST_HEADER).strip().split(",")
-            places = [place for place, name in enumerate(names) if name[-3:-2] == "P"]
-            if len(places) != 3 * len(JOINTS):
-                problem = f"names {len(places)} columns of positions, expected {3 * len(JOINTS)}"
-                raise DatasetError(thing, problem, REMEDY)
-            columns = [places[3 * JOINTS.index(joint) + axis] for joint in ARM for axis in range(3)]
-            rows = np.loadtxt(file, delimiter=",", usecols=columns, ndmin=2)
-    except (OSError, ValueError) as error:
         remedy = "give the publishers' folder 'hh', with p1, p2 and segmentation in it"
+        file = io.StringIO(read_file(path, LARGEST_TABLE, remedy, DatasetError, thing).decode())
+        names = file.readline(LARGEST_HEADER).strip().split(",")
+        places = [place for place, name in enumerate(names) if name[-3:-2] == "P"]
+        if len(places) != 3 * len(JOINTS):
+            problem = f"names {len(places)} columns of positions, expected {3 * len(JOINTS)}"
+            raise DatasetError(thing, problem, REMEDY)
+        columns = [places[3 * JOINTS.index(joint) + axis] for joint in ARM for axis in range(3)]
+        rows = np.loadtxt(file, delimiter=",", usecols=columns, ndmin=2)
+    except ValueError as error:
         raise DatasetError(thing, f"cannot be read ({error})", remedy) from None
     published: FloatArray = rows.reshape(-1, 3, 3)
     turned: FloatArray = published[:, :, [2, 0, 1]] * [1.0, -1.0, 1.0]
@@ -119,8 +121,9 @@ def _segments(path: Path) -> NDArray[np.int64]:
     """(N, 2) first frame of each trial, and the one after its last."""
     thing = f"segmentation '{path}'"
     try:
-        found = np.load(path, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
+        content = read_file(path, SETTINGS_BYTES, REMEDY, DatasetError)
+        found = read_numbers(io.BytesIO(content), len(content))
+    except (ValueError, EOFError) as error:
         raise DatasetError(thing, f"cannot be read ({error})", REMEDY) from None
     if not isinstance(found, np.ndarray) or found.dtype.kind not in "iu" or found.ndim != 2 or found.shape[1] != 2:
         raise DatasetError(thing, "holds no pairs of frame numbers", REMEDY)
@@ -138,9 +141,9 @@ BUETEPAGE_HH = Recording(
     observed_side="right",
     robot="",
     controlled_names=("shoulder", "elbow", "hand"),
-    licence="none is stated; the recordings are no longer published",
+    licence="none is stated",
     source="J. Bütepage, A. Ghadirzadeh, Ö. Öztimur Karadağ, M. Björkman, D. Kragic: Imitating by Generating, "
-    "Frontiers in Robotics and AI 2020 (github.com/jbutepage/human_robot_interaction_data, folder hh)",
+    "Frontiers in Robotics and AI 2020 (github.com/souljaboy764/human_robot_interaction_data, folder hh)",
     read=read,
     protocols=protocols(window=40, keep_every=5),
 )

@@ -12,7 +12,7 @@ from mild_core.errors import DatasetError
 from mild_core.learning.archive import REMEDY, numbers
 from mild_core.learning.datasets.traj_data import read_splits
 from mild_core.learning.demonstration import Demonstration
-from mild_core.learning.recording import Demonstrations, Recording
+from mild_core.learning.recording import Demonstrations, Download, Recording
 from mild_core.learning.windows import protocols
 
 OBSERVED_COLUMNS, CONTROLLED_COLUMNS = 9, 7
@@ -84,4 +84,11 @@ BUETEPAGE_HR = Recording(
     "github.com/souljaboy764/phd_utils, data_preproc/buetepage_hr",
     read=read,
     protocols=protocols(window=40, keep_every=5),
+    download=Download(
+        "https://raw.githubusercontent.com/souljaboy764/phd_utils/"
+        "b6a72a3319c3c01dff3c77b7bb930977b102caa0/"
+        "data_preproc/buetepage_hr/traj_data.npz",
+        sha256="08adeecdcae6ea83b141f4c1bd2c00bf980457d0688581e67611e70839fe2c80",
+        size_bytes=1_314_465,
+    ),
 )

@@ -11,7 +11,7 @@ import numpy as np
 from mild_core.learning.archive import numbers
 from mild_core.learning.datasets.traj_data import from_the_shoulder, numbered, read_splits
 from mild_core.learning.demonstration import Demonstration
-from mild_core.learning.recording import Demonstrations, Recording
+from mild_core.learning.recording import Demonstrations, Download, Recording
 from mild_core.learning.windows import protocols
 
 ARM_COLUMNS = 9
@@ -70,4 +70,11 @@ NUISI = Recording(
     "(github.com/souljaboy764/nuisi_dataset), as published in github.com/souljaboy764/phd_utils, data_preproc/nuisi",
     read=read,
     protocols=protocols(window=5, keep_every=1),
+    download=Download(
+        "https://raw.githubusercontent.com/souljaboy764/phd_utils/"
+        "b6a72a3319c3c01dff3c77b7bb930977b102caa0/"
+        "data_preproc/nuisi/traj_data.npz",
+        sha256="ffc98d4b7006a02fc65791573d8a684cf0e80fa95032bfdd525dfdbf26a3a19b",
+        size_bytes=1_689_309,
+    ),
 )

@@ -11,7 +11,7 @@ import numpy as np
 from mild_core.learning.archive import numbers
 from mild_core.learning.datasets.traj_data import from_the_shoulder, numbered, read_splits
 from mild_core.learning.demonstration import Demonstration
-from mild_core.learning.recording import Demonstrations, Recording
+from mild_core.learning.recording import Demonstrations, Download, Recording
 from mild_core.learning.windows import protocols
 
 JOINTS = (
@@ -75,4 +75,9 @@ NUISI_V1 = Recording(
     "(github.com/souljaboy764/nuisi_dataset, commit 360a147)",
     read=read,
     protocols=protocols(window=5, keep_every=1),
+    download=Download(
+        "https://raw.githubusercontent.com/souljaboy764/nuisi_dataset/360a147/nuisiv1_dataset.npz",
+        sha256="8bd4d7f5b46c04c8ba3e064fc4a4cdac2d5a12bf5b80bae6648acc99af71df98",
+        size_bytes=1_117_750,
+    ),
 )

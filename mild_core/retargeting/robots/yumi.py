@@ -57,6 +57,7 @@ YUMI = RobotModel(
     urdf_path=Path(__file__).with_name("yumi.urdf"),
     base_link="yumi_base_link",
     tool_link="tool_r",
+    on_table=True,
     rest=(
         *((joint_name(axis, "l"), position) for axis, position in zip(AXES, LEFT_REST_RAD, strict=True)),
         *((f"gripper_{side}_joint{finger}", GRIPPER_REST_M) for side in "rl" for finger in ("", "_m")),

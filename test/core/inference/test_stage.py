@@ -215,6 +215,33 @@ def test_a_jump_in_time_starts_anew(full_model, jump_ns, event):
     assert after.counts == before.counts | {"accepted": 15, event: 1}
 
 
+@pytest.mark.parametrize("passed", [1, 2, 39, 40])
+def test_a_gap_of_up_to_a_window_is_bridged(full_model, passed):
+    """All frames of a gap that is no longer than the window are in the window: nothing has to be forgotten."""
+    stage = Inference(full_model)
+    before, _ = run(stage, windows(10))
+    late = windows(1, seed=3, first_ns=before.stamp_ns + passed * PERIOD_NS)
+    after, _ = run(stage, late, before)
+    assert after.index == before.index + passed
+    assert after.counts.get("missed", 0) == passed - 1
+    assert "gap_reset" not in after.counts
+
+
+def test_a_stamp_that_trembles_is_no_missed_window(full_model):
+    stage, state = Inference(full_model), None
+    for number, tremble_ns in enumerate((0, 5_000_000, -5_000_000, 6_000_000, 0)):
+        (window,) = windows(1, seed=number, first_ns=10**9 + number * PERIOD_NS + tremble_ns)
+        state, _ = run(stage, [window], state)
+    assert (state.index, state.counts) == (4, {"accepted": 5})
+
+
+@pytest.mark.parametrize(("protocol", "lead"), [("ahead", 1), ("next", 40), ("same", -39)])
+def test_a_prediction_says_how_far_ahead_of_its_window_it_begins(protocol, lead):
+    of = manifest((paper_member(hidden=(20, 12)),), components=4, protocol=protocol, lead_frames=lead)
+    _, (answer,) = run(Inference(build_model(of, random_arrays(of)), "rocket"), windows(1))
+    assert (answer.lead_ns, answer.period_ns) == (lead * PERIOD_NS, PERIOD_NS)
+
+
 def test_missed_windows_pass_as_time(paper_model):
     stage, stream = Inference(paper_model, "rocket"), windows(10)
     state, answers = run(stage, [*stream[:3], *stream[6:]])

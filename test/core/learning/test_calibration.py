@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Regions hold what they should: of errors drawn from a covariance that was published too wide or too narrow."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from mild_core.learning.calibration import AIM, LEVELS, REGION, Doubt, calibrate
 
@@ -38,3 +41,24 @@ def test_without_a_scale_the_same_regions_hold_too_much(calibration):
     # What is spread and what is left over both enter: errors a fifth as large as the first are far inside.
     assert calibration.before["wide"].joint[NINETY] > 0.99
     assert calibration.scale["wide"] < 0.5 < calibration.scale["narrow"]
+
+
+def test_the_published_scale_makes_the_region_hold_its_aim_of_all_trials():
+    rng = np.random.default_rng(1)
+    doubts = [drawn(trial % 4, "wave", 3.0, rng) for trial in range(8)]
+    errors = np.concatenate([doubt.errors.reshape(-1, 3) for doubt in doubts])
+    covariance = doubts[0].spread[0] + errors.T @ errors / len(errors)
+    squares = np.einsum("na,ab,nb->n", errors, np.linalg.inv(covariance), errors)
+    scale = calibrate(doubts).scale["wave"]
+    assert np.mean(squares / scale <= chi2.ppf(REGION, 3)) == pytest.approx(AIM, abs=2 / len(squares))
+
+
+def test_a_fold_is_judged_by_what_was_learned_from_the_others_alone():
+    """One fold of four errs ten times as much: to the others it is no help, and they are none to it."""
+    rng = np.random.default_rng(2)
+    doubts = [drawn(trial % 4, "wave", 1.0, rng) for trial in range(8)]
+    doubts = [replace(one, errors=10.0 * one.errors) if one.fold == 1 else one for one in doubts]
+    found = calibrate(doubts)
+    # What its two trials hold lies far outside of the others' regions, and theirs far inside of what it widens.
+    assert found.after["wave"].joint[NINETY] == pytest.approx(0.75, abs=0.02)
+    assert found.before["wave"].joint[NINETY] == pytest.approx(0.75, abs=0.04)

@@ -88,9 +88,9 @@ def test_what_is_wrong_with_a_robot_file_is_said_in_one_line(tmp_path: Path, old
 def test_a_robot_that_is_nowhere_is_named_with_those_that_are(tmp_path: Path) -> None:
     with pytest.raises(SetupError, match="did you mean 'pepper'"):
         find_robot("peper")
-    with pytest.raises(SetupError, match="cannot be read"):
+    with pytest.raises(SetupError, match="there is no such file"):
         find_robot(str(tmp_path / "none.toml"))
-    with pytest.raises(SetupError, match="is no TOML"):
+    with pytest.raises(SetupError, match="larger than"):
         read_robot(written(tmp_path, "# long\n" * 20_000))
 
 

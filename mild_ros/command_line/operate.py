@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`mild status`, `hold`, `enable` and `reset`: what an operator does to running nodes."""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console, Group
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from mild_core.errors import SetupError
+
+if TYPE_CHECKING:
+    from mild_ros.operator_client import NodeStatus
+
+Namespace = Annotated[str, typer.Option(metavar="NAME", help="Only nodes in this namespace [default: all].")]
+
+UNWELL = 1
+STYLES = {"ok": "green", "warning": "yellow", "ERROR": "bold red", "stale": "red"}
+
+
+def status(
+    watch: Annotated[bool, typer.Option("--watch", help="Again and again, until control-C.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Everything the nodes report, as one JSON array.")] = False,
+) -> None:
+    """One screen of what runs: nodes, mode, rates, latency and alarms.
+
+        mild status
+
+    Reads `/diagnostics` in the ROS domain of this terminal. Ends with exit code 1 where a node reports an error, and
+    with 2 where no node reports at all.
+    """
+    from mild_ros.operator_client import operator_client
+    from mild_ros.running import domain_id
+
+    with operator_client() as client:
+        found = client.statuses()
+        if not found:
+            remedy = "start one: ./mild run pipeline; same ROS_DOMAIN_ID? see ./mild doctor"
+            raise SetupError("status", f"no node reports in ROS domain {domain_id()}", remedy)
+        if as_json:
+            print(json.dumps([asdict(one) for one in found], indent=1))
+        elif watch:
+            with Live(_screen(found), console=Console(highlight=False)) as live:
+                while True:
+                    live.update(_screen(client.statuses()))
+        else:
+            Console(highlight=False).print(_screen(found))
+    if any(one.level in ("ERROR", "stale") for one in found):
+        raise typer.Exit(UNWELL)
+
+
+def hold(
+    release: Annotated[bool, typer.Option("--release", help="Let it go on.")] = False, namespace: Namespace = ""
+) -> None:
+    """Stops every robot smoothly at once; it stays until it is released.
+
+        mild hold
+
+        mild hold --release
+
+    The command of that very moment is the first of the stop. No person, tracker or model is needed.
+    """
+    _call("hold", namespace, not release)
+
+
+def enable(
+    off: Annotated[bool, typer.Option("--off", help="Stop smoothly, then send nothing.")] = False,
+    namespace: Namespace = "",
+) -> None:
+    """Lets every robot follow again, or with `--off` stops it smoothly and sends no more commands.
+
+        mild enable --off
+
+    A robot that another node commands too stays still, and the answer says so.
+    """
+    _call("enable", namespace, not off)
+
+
+def reset(namespace: Namespace = "") -> None:
+    """Forgets the person and the calibration; the robot stops smoothly and goes home.
+
+    mild reset
+    """
+    _call("reset", namespace, None)
+
+
+def _call(name: str, namespace: str, data: bool | None) -> None:
+    from mild_ros.operator_client import operator_client
+
+    begin_s = time.monotonic()
+    with operator_client() as client:
+        answers = client.call(name, namespace, data)
+    console = Console(highlight=False)
+    for answer in answers:
+        mark = "[green]✓[/]" if answer.success else "[red]✗[/]"
+        console.print(mark, Text(f"{answer.service}: {answer.message}"))
+    if not all(answer.success for answer in answers):
+        raise SetupError(name, f"refused after {time.monotonic() - begin_s:.1f} s", "see ./mild status")
+
+
+def _screen(found: list[NodeStatus]) -> Group:
+    """Nodes one below the other, what needs attention first."""
+    table = Table("node", "state", "what", "rates", "latency", box=None, title_justify="left")
+    order = {"ERROR": 0, "stale": 1, "warning": 2, "ok": 3}
+    for one in sorted(found, key=lambda each: order[each.level]):
+        rates = [
+            f"{key.removesuffix(' rate [Hz]')} {value}" for key, value in one.values.items() if key.endswith("[Hz]")
+        ]
+        ages = [f"{key.removesuffix(' [ms]')} {value} ms" for key, value in one.values.items() if "p50 [ms]" in key]
+        table.add_row(
+            Text(one.name),
+            Text(one.level, style=STYLES[one.level]),
+            Text(one.message),
+            Text("\n".join(f"{rate} Hz" for rate in rates)),
+            Text("\n".join(ages)),
+        )
+    modes = {one.name: one.values["mode"] for one in found if "mode" in one.values}
+    lines = [Text(f"{name}: {mode}", style="bold") for name, mode in modes.items()]
+    return Group(*lines, table)

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`mild run` and `mild record`: our nodes without the `ros2` command."""
+
+from __future__ import annotations
+
+import os
+import sys
+from importlib import import_module
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mild_core.errors import SetupError, unknown_name
+from mild_ros.processes import as_yaml
+
+NODES = {
+    "pipeline": "all three stages in one process",
+    "perception": "the first stage: a tracker's people in, feature windows out",
+    "inference": "the second stage: motion out",
+    "retargeting": "the third stage: commands out",
+    "simulation": "a robot in PyBullet",
+    "markers": "what RViz and Foxglove show",
+    "replay": "a bag in place of a tracker",
+    "record": "topics into a bag",
+}
+"""Our executables, and what each is."""
+
+CONTEXT_SETTINGS = {"run": {"ignore_unknown_options": True, "help_option_names": []}}
+"""What follows the node belongs to it, `--help` included."""
+
+Words = Annotated[list[str] | None, typer.Argument(metavar="[ROS ARGUMENT]...", help="As for `ros2 run`.")]
+
+
+def run(
+    context: typer.Context,
+    node: Annotated[str, typer.Argument(metavar="NODE", help=f"One of {', '.join(NODES)}.")] = "",
+    words: Words = None,
+) -> None:
+    """Starts a node, as `ros2 run mild_ros NODE` does.
+
+        mild run pipeline --ros-args -p robot:=pepper -r skeleton:=/k4a/body_tracking_data
+
+    `--ros-args` may be left out. The node's parameters:
+
+        mild run pipeline --help
+    """
+    if node in ("", "--help", "-h"):
+        print(context.get_help())
+        return
+    if node not in NODES:
+        raise unknown_name("node", node, NODES)
+    given = list(words or ())
+    if given and "--ros-args" not in given and not {"--help", "-h"} & set(given):
+        given.insert(0, "--ros-args")
+    _become(node, given)
+
+
+def record(
+    bag: Annotated[Path, typer.Argument(metavar="BAG", help="Folder of the new bag.")],
+    topics: Annotated[
+        list[str] | None, typer.Argument(metavar="[TOPIC]...", help="Only these; all by default.")
+    ] = None,
+    split_mb: Annotated[float, typer.Option(metavar="MB", min=0.0, help="Start a new file at this size.")] = 0.0,
+) -> None:
+    """Records topics into a bag until control-C, as `ros2 bag record` does.
+
+        mild record my_bag
+
+        mild record my_bag skeleton joint_states joint_command
+
+    A full disk or a kill costs at most the last second.
+    """
+    given = {"bag": str(bag), "topics": list(topics or ()), "split_mb": split_mb}
+    words = [word for name, value in given.items() for word in ("-p", f"{name}:={as_yaml(value)}")]
+    _become("record", ["--ros-args", *words])
+
+
+def _become(node: str, words: list[str]) -> None:
+    """Become the node's process, so that signals and the exit code are its own."""
+    import_module("rclpy")  # what is missing is found here, where it is one line
+    try:
+        os.execv(sys.executable, [sys.executable, "-P", "-m", f"mild_ros.{node}_node", *words])
+    except OSError as error:
+        raise SetupError(f"node {node}", error.strerror or str(error), "run ./mild doctor") from error

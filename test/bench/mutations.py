@@ -1,0 +1,315 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Plants faults in copies of the tree, one at a time, and lists those that the quick tests of their area do not notice.
+
+    ./mild measure mutations [FAULT ...] [--jobs 2] [--list]
+
+Each fault of `test/mutations` is put into a copy of this checkout, whose tests of the fault's area have passed without
+it. One that survives shows a rule that no quick test holds. Outcomes are kept in `.mild/mutations` under the content of
+the faulty file and of its tests: a second call goes on where the first one ended.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import fcntl
+import hashlib
+import json
+import os
+import queue
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from mild_core.errors import SetupError, unknown_name
+from test.mutations import FAULTS
+from test.mutations.fault import Fault, faulty
+
+ROOT = Path(__file__).resolve().parents[2]
+LEFT_OUT = (".git", ".venv", ".mild", "out", "__pycache__", ".pytest_cache", ".ruff_cache", ".mypy_cache", "*.egg-info")
+LIMIT_S = 300.0
+"""Tests of one area take seconds, compilation included; whoever takes so long hangs, which is noticed too."""
+
+FAILED, COLLECTED_IN_VAIN = 1, 2
+"""Exit codes of pytest with which a fault is noticed: a test failed, or a test file could not even be imported."""
+
+QUICK = "not slow and not talks and not heavy"
+PROGRAM = """
+import sys
+from pathlib import Path
+import mild_core, mild_ros, test
+root = Path(sys.argv[1])
+wrong = [module.__file__ for module in (mild_core, mild_ros, test) if not Path(module.__file__).is_relative_to(root)]
+sys.exit(f"not imported from the copy: {wrong}" if wrong else 0)
+"""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a fault.
+
+    Attributes:
+        fault: Its name.
+        verdict: `killed`, `hangs` (noticed too), `survived`, or `error`: the tests did not run.
+        seconds: How long its tests took.
+        said: The last lines of an error; of a killed one, which test noticed it.
+    """
+
+    fault: str
+    verdict: str
+    seconds: float
+    said: str
+
+
+class Copy:
+    """A copy of the tree in which faults are planted, one at a time.
+
+    The folder stays the same from call to call, and so do the times of its files: machine code is kept under both.
+    """
+
+    def __init__(self, source: Path, folder: Path) -> None:
+        self.tree, self._kernels = folder / "tree", folder / "kernels"
+        if self.tree.exists():
+            shutil.rmtree(self.tree)
+        shutil.copytree(source, self.tree, ignore=shutil.ignore_patterns(*LEFT_OUT), symlinks=True)
+        self._environment = {
+            **{key: value for key, value in os.environ.items() if not key.startswith(("PYTEST_", "_ROS_WHEELS"))},
+            "PYTHONPATH": str(self.tree),
+            "PYTHONDONTWRITEBYTECODE": "1",  # a faulty file has the time of the good one
+            "NUMBA_CACHE_DIR": str(self._kernels),
+        }
+        done = self._run([sys.executable, "-P", "-c", PROGRAM, str(self.tree)], 120.0)
+        if done[0] != 0:
+            raise SetupError(
+                str(self.tree), done[1].strip() or "cannot be imported", "run ./mild measure in a checkout"
+            )
+
+    def _run(self, command: Sequence[str], limit_s: float) -> tuple[int | None, str]:
+        """Exit code (None when it takes too long) and output; its processes end with it."""
+        with subprocess.Popen(
+            command,
+            cwd=self.tree,
+            env=self._environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+            start_new_session=True,
+        ) as process:
+            try:
+                said, code = process.communicate(timeout=limit_s)[0], process.returncode
+            except subprocess.TimeoutExpired:
+                said, code = "", None
+            finally:
+                with contextlib.suppress(ProcessLookupError):
+                    os.killpg(process.pid, signal.SIGKILL)
+        return code, said
+
+    def tested(self, tests: Iterable[str], limit_s: float = LIMIT_S) -> tuple[int | None, str]:
+        """Run quick tests of the copy as it is."""
+        options = ("-x", "-q", "-m", QUICK, "-p", "no:cacheprovider", "--tb=line", f"--timeout={limit_s:.0f}")
+        return self._run([sys.executable, "-P", "-m", "pytest", *options, *tests], limit_s)
+
+    def judge(self, fault: Fault, limit_s: float = LIMIT_S) -> Outcome:
+        """Plant a fault, run the tests of its area and take it out again."""
+        path, start = self.tree / fault.file, time.monotonic()
+        good, times = path.read_bytes(), path.stat()
+        known = self._compiled()
+        path.write_text(faulty(fault, self.tree))
+        try:
+            code, said = self.tested(fault.tests, limit_s)
+        finally:
+            path.write_bytes(good)
+            os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
+            if b"compiled" in good:  # the faulty kernels are of no use to anybody
+                for folder in self._compiled() - known:
+                    shutil.rmtree(folder, ignore_errors=True)
+        seconds, lines = time.monotonic() - start, said.strip().splitlines()
+        if code is None:
+            return Outcome(fault.name, "hangs", seconds, f"longer than {limit_s:.0f} s")
+        if code in (FAILED, COLLECTED_IN_VAIN):
+            return Outcome(fault.name, "killed", seconds, next((one for one in lines if "Error" in one), "")[:200])
+        return Outcome(fault.name, "error" if code else "survived", seconds, "" if not code else "\n".join(lines[-5:]))
+
+    def _compiled(self) -> set[Path]:
+        return set(self._kernels.glob("kernels-*"))
+
+
+def key(fault: Fault, root: Path) -> str:
+    """Changes whenever the fault, the faulty file, or a Python file beside its tests does."""
+    digest = hashlib.sha256(json.dumps([fault, faulty(fault, root)]).encode())
+    for name in fault.tests:
+        place = root / name.split("::")[0]
+        folder = place if place.is_dir() else place.parent
+        for path in sorted(folder.rglob("*.py")):
+            digest.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()
+
+
+class Results:
+    """Outcomes on disk, one file each: what is interrupted loses only what was under way."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        folder.mkdir(parents=True, exist_ok=True)
+
+    def get(self, name: str) -> Outcome | None:
+        """What was kept under `name`; None when there is nothing that can be read."""
+        try:
+            return Outcome(**json.loads((self._folder / f"{name}.json").read_text()))
+        except (OSError, ValueError, TypeError):
+            return None
+
+    def put(self, name: str, outcome: Outcome) -> None:
+        """Keep an outcome, all of it or nothing."""
+        written = self._folder / f"{name}.{os.getpid()}-{threading.get_ident()}"
+        written.write_text(json.dumps(asdict(outcome)))
+        written.replace(self._folder / f"{name}.json")
+
+
+@contextlib.contextmanager
+def alone(folder: Path) -> Iterator[None]:
+    """Nobody else plants faults in these copies meanwhile.
+
+    Raises:
+        SetupError: Somebody does, or the folder cannot be written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = open(folder / "lock", "w")  # noqa: SIM115  # held until the end
+    except OSError as error:
+        raise SetupError(str(folder), f"cannot be written: {error.strerror}", "use a checkout of yours") from None
+    with lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise SetupError("measure mutations", f"another one runs in {folder}", "wait for its end") from None
+        yield
+
+
+def passing(copy: Copy, faults: Sequence[Fault], results: Results) -> None:
+    """Show that the tests of all these faults pass where there is no fault.
+
+    Raises:
+        SetupError: They do not.
+    """
+    tests = sorted({test for fault in faults for test in fault.tests})
+    folders = [test for test in tests if not any(test.startswith(f"{other}/") for other in tests)]
+    digest = hashlib.sha256("\0".join(folders).encode())
+    for top in ("mild_core", "mild_ros", "test"):
+        for path in sorted((copy.tree / top).rglob("*.py")):
+            digest.update(path.relative_to(copy.tree).as_posix().encode() + b"\0" + path.read_bytes())
+    name = f"unmutated-{digest.hexdigest()}"
+    if results.get(name) is not None:
+        return
+    print("the tests without a fault: ", end="", flush=True)
+    start = time.monotonic()
+    code, said = copy.tested(folders, 4 * LIMIT_S)
+    if code != 0:
+        last = " / ".join(said.strip().splitlines()[-3:]) if code is not None else "they hang"
+        raise SetupError("the tests without a fault", f"do not pass: {last}", "mend them first: ./mild check")
+    results.put(name, Outcome("", "passed", time.monotonic() - start, ""))
+    print(f"pass, {time.monotonic() - start:.0f} s", flush=True)
+
+
+def run(faults: Sequence[Fault], jobs: int, folder: Path, source: Path = ROOT) -> list[Outcome]:
+    """Judge every fault, those first that take longest, and tell of each.
+
+    Args:
+        faults: Which.
+        jobs: Copies of the tree, each with one fault at a time.
+        folder: Of copies and outcomes.
+        source: The checkout.
+
+    Raises:
+        SetupError: The tests do not pass without a fault, or a fault does not fit the code.
+    """
+    results = Results(folder / "results")
+    try:
+        keys = {fault.name: key(fault, source) for fault in faults}
+    except ValueError as error:
+        raise SetupError("measure mutations", str(error), "see test/mutations") from None
+    found = {fault.name: kept for fault in faults if (kept := results.get(keys[fault.name])) is not None}
+    todo = [fault for fault in faults if fault.name not in found]
+    if found:
+        print(f"{len(found)} of {len(faults)} are known from before")
+    if todo:
+        copies: queue.SimpleQueue[Copy] = queue.SimpleQueue()
+        first = Copy(source, folder / "copy-0")
+        passing(first, todo, results)
+        copies.put(first)
+        for number in range(1, min(jobs, len(todo))):
+            copies.put(Copy(source, folder / f"copy-{number}"))
+
+        def judged(fault: Fault) -> Outcome:
+            copy = copies.get()
+            try:
+                return copy.judge(fault)
+            finally:
+                copies.put(copy)
+
+        start = time.monotonic()
+        with ThreadPoolExecutor(min(jobs, len(todo))) as pool:
+            running = {pool.submit(judged, fault): fault for fault in todo}
+            for done, future in enumerate(as_completed(running), 1):
+                outcome = future.result()
+                found[outcome.fault] = outcome
+                if outcome.verdict != "error":
+                    results.put(keys[outcome.fault], outcome)
+                left_s = (time.monotonic() - start) / done * (len(todo) - done)
+                print(
+                    f"[{done}/{len(todo)}, {left_s / 60:.0f} min left] {outcome.verdict:8} {outcome.seconds:5.1f} s  "
+                    f"{outcome.fault}",
+                    flush=True,
+                )
+    return [found[fault.name] for fault in faults]
+
+
+def report(faults: Sequence[Fault], outcomes: Sequence[Outcome]) -> str:
+    """What survived, and how many did not."""
+    lines = []
+    for fault, outcome in zip(faults, outcomes, strict=True):
+        if outcome.verdict in ("survived", "error"):
+            lines.append(f"{outcome.verdict.upper()} {fault.name} ({fault.file}): {fault.breaks}")
+            lines += [f"    {line}" for line in outcome.said.splitlines()]
+    counts = {kind: sum(one.verdict == kind for one in outcomes) for kind in ("killed", "hangs", "survived", "error")}
+    files = len({fault.file for fault in faults})
+    lines.append(
+        f"{len(faults)} faults in {files} files: {counts['killed'] + counts['hangs']} noticed, "
+        f"{counts['survived']} survived, {counts['error']} could not be judged"
+    )
+    return "\n".join(lines)
+
+
+def main() -> int:
+    """Run and print; 1 where a fault survived or could not be judged."""
+    words = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    words.add_argument("fault", nargs="*", help="names of faults, or parts of their files' names; all by default")
+    words.add_argument("--jobs", type=int, default=min(2, os.cpu_count() or 1), help="faults at a time (%(default)s)")
+    words.add_argument("--list", action="store_true", help="only list the faults")
+    given = words.parse_args()
+    faults = list(FAULTS)
+    if given.fault:
+        for word in given.fault:
+            if not any(word == fault.name or word in fault.file for fault in FAULTS):
+                raise unknown_name("fault", word, [fault.name for fault in FAULTS])
+        faults = [fault for fault in FAULTS if any(word == fault.name or word in fault.file for word in given.fault)]
+    if given.list:
+        print("\n".join(f"{fault.name} ({fault.file}): {fault.breaks}" for fault in faults))
+        return 0
+    folder = ROOT / ".mild" / "mutations"
+    with alone(folder):
+        outcomes = run(faults, max(1, given.jobs), folder)
+    print(report(faults, outcomes))
+    return int(any(one.verdict in ("survived", "error") for one in outcomes))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

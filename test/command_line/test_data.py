@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`mild data`: what there is, and a fetched file that is whole and right, or none."""
+
+from __future__ import annotations
+
+import hashlib
+import threading
+from collections.abc import Iterator
+from dataclasses import replace
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+import pytest
+
+from mild_core.learning import datasets
+from mild_core.learning.datasets import DATASETS, NUISI
+from mild_core.learning.recording import Demonstrations, Download
+from mild_ros.command_line.main import main
+
+CONTENT = b"trials" * 50_000
+
+
+@pytest.fixture
+def publisher() -> Iterator[str]:
+    """The address of a server on this machine that gives `CONTENT`, then more than it should."""
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self.send_response(200)
+            self.end_headers()
+            self.wfile.write(CONTENT + b"more" * (self.path == "/more"))
+
+        def log_message(self, *_: object) -> None:
+            pass
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    yield f"http://127.0.0.1:{server.server_port}"
+    server.shutdown()
+    server.server_close()
+
+
+def ended(*words: str) -> int:
+    with pytest.raises(SystemExit) as exit_:
+        main(["data", *words])
+    return int(exit_.value.code or 0)
+
+
+def offer(monkeypatch: pytest.MonkeyPatch, url: str) -> None:
+    download = Download(url, hashlib.sha256(CONTENT).hexdigest(), len(CONTENT))
+    offered = replace(NUISI, download=download, read=lambda _: Demonstrations((), ()))
+    monkeypatch.setitem(datasets.DATASETS, "nuisi", offered)
+
+
+def test_every_recording_is_listed_with_its_licence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("MILD_DATA", str(tmp_path))
+    assert ended() == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    for recording in DATASETS.values():
+        assert f"{recording.name} not here" in shown
+        assert " ".join(f"licence: {recording.licence}".split()) in shown
+    assert "MILD_DATA" in shown
+
+
+def test_a_fetched_recording_lies_where_training_looks_for_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, publisher: str
+) -> None:
+    monkeypatch.setenv("MILD_DATA", str(tmp_path))
+    offer(monkeypatch, publisher + "/")
+    assert ended("nuisi") == 0
+    assert NUISI.default_path().read_bytes() == CONTENT
+
+
+@pytest.mark.parametrize("path", ["/more", None])
+def test_what_is_not_whole_and_right_is_not_kept(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    publisher: str,
+    path: str | None,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setenv("MILD_DATA", str(tmp_path))
+    offer(monkeypatch, "http://127.0.0.1:9/" if path is None else publisher + path)
+    assert ended("nuisi") == 2
+    said = capsys.readouterr().err
+    assert len(said.strip().splitlines()) == 1
+    assert str(tmp_path / "nuisi" / "traj_data.npz") in said, "the remedy says what to put where"
+    assert list((tmp_path / "nuisi").iterdir()) == []
+
+
+def test_without_a_setting_the_folder_is_the_users_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("MILD_DATA", raising=False)
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    monkeypatch.setattr("mild_core.learning.recording.__file__", str(tmp_path / "a" / "b" / "c" / "d.py"))
+    assert NUISI.default_path() == tmp_path / "mild_ros" / "data" / "nuisi" / "traj_data.npz"

@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Operating nodes without the `ros2` command: run, status, hold, enable, reset, record, over DDS."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from mild_core.errors import SetupError
+from mild_ros.bags import open_bag
+from mild_ros.command_line.main import main
+from mild_ros.command_line.run import NODES
+from mild_ros.running import check_words
+
+ROOT = Path(__file__).parents[2]
+PATIENCE_S = 60.0
+
+
+def mild(*words: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "mild_ros.command_line.main", *words]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S)
+
+
+@pytest.fixture(scope="module")
+def pipeline(ros_domain: int, tmp_path_factory: pytest.TempPathFactory):  # type: ignore[no-untyped-def]
+    """A pipeline that `mild run` has started, and its log."""
+    log = tmp_path_factory.mktemp("run") / "pipeline.log"
+    command = [sys.executable, "-m", "mild_ros.command_line.main", "run", "pipeline", "-p", "interaction:=handshake"]
+    with log.open("w") as output:
+        process = subprocess.Popen(command, cwd=ROOT, stdout=output, stderr=subprocess.STDOUT)
+    try:
+        deadline = time.monotonic() + PATIENCE_S
+        while "through yumi_buetepage_ahead" not in log.read_text():
+            assert process.poll() is None, log.read_text()
+            assert time.monotonic() < deadline, log.read_text()
+            time.sleep(0.05)
+        yield process
+        process.send_signal(signal.SIGINT)
+        assert process.wait(20.0) == 0, "the signal reaches the node itself, and so does its exit code"
+    finally:
+        if process.poll() is None:
+            process.kill()
+
+
+def test_status_shows_every_node_and_its_mode(pipeline: subprocess.Popen[bytes]) -> None:
+    shown = mild("status")
+    assert shown.returncode == 0, shown.stderr
+    assert "pipeline: waiting" in shown.stdout
+    found = json.loads(mild("status", "--json").stdout)
+    assert [one["name"] for one in found] == ["pipeline"]
+    assert found[0]["values"]["model"] == "yumi_buetepage_ahead"
+
+
+def test_an_operator_holds_releases_disables_and_resets(pipeline: subprocess.Popen[bytes]) -> None:
+    for words, service in (
+        (("hold",), "/pipeline/hold"),
+        (("hold", "--release"), "/pipeline/hold"),
+        (("enable", "--off"), "/pipeline/enable"),
+        (("enable",), "/pipeline/enable"),
+        (("reset",), "/pipeline/reset"),
+    ):
+        answered = mild(*words)
+        assert answered.returncode == 0, answered.stderr
+        assert service in answered.stdout
+    other = mild("hold", "--namespace", "left")
+    assert other.returncode == 2
+    assert "no node with ~/hold under left" in other.stderr
+
+
+def test_record_writes_a_bag_and_ends_with_control_c(pipeline: subprocess.Popen[bytes], tmp_path: Path) -> None:
+    bag = tmp_path / "bag"
+    command = [sys.executable, "-m", "mild_ros.command_line.main", "record", str(bag), "/diagnostics"]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    assert process.stdout is not None
+    try:
+        for line in process.stdout:
+            if "first message on /diagnostics" in line:
+                break
+        process.send_signal(signal.SIGINT)
+        assert process.wait(20.0) == 0
+    finally:
+        if process.poll() is None:
+            process.kill()
+        process.stdout.close()
+    with open_bag(bag) as opened:
+        assert set(opened.topics) == {"/diagnostics"}
+
+
+def test_where_nothing_runs_it_is_one_line(ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    empty = dict(os.environ, ROS_DOMAIN_ID="102")
+    for words in (("status",), ("hold",)):
+        command = [sys.executable, "-m", "mild_ros.command_line.main", *words]
+        done = subprocess.run(command, cwd=ROOT, env=empty, capture_output=True, text=True, timeout=PATIENCE_S)
+        assert done.returncode == 2
+        assert len(done.stderr.strip().splitlines()) == 1
+        assert "ROS domain 102" in done.stderr
+
+
+def test_an_unknown_node_suggests_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["run", "pipelin"])
+    assert ended.value.code == 2
+    assert "did you mean 'pipeline'?" in capsys.readouterr().err
+
+
+def test_run_explains_itself(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["run", "--help"])
+    assert ended.value.code == 0
+    shown = capsys.readouterr().out
+    assert all(node in shown for node in NODES)
+
+
+@pytest.mark.parametrize("words", [["model:=x"], ["--ros-args", "model:=x"], ["--ros-args", "-p", "a:=1", "model:=x"]])
+def test_a_forgotten_flag_does_not_run_the_default_model(words: list[str]) -> None:
+    with pytest.raises(SetupError, match="write --ros-args -p model:=x"):
+        check_words(words, ["model", "a"])
+
+
+def test_words_with_flags_are_taken() -> None:
+    check_words(["--ros-args", "-p", "model:=x", "-r", "skeleton:=/a", "--log-level", "pipeline:=debug"], ["model"])

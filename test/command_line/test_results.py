@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a run leaves: its numbers whatever becomes of its pictures, and pictures of robots with any meshes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from mild_core.errors import BagError
+from mild_ros.command_line import results
+from mild_ros.demo import RunOptions
+from mild_ros.share import share_folder
+from mild_ros.viewing.page import UNPAINTED, _colour
+
+HANDSHAKE = share_folder("bags") / "handshake"
+
+
+def _fails(*_: Any) -> None:
+    raise AttributeError("'TextureVisuals' object has no attribute 'main_color'")
+
+
+def _draws(_staged: Any, _robot: Any, path: Path, _title: str) -> None:
+    path.write_text("a picture")
+
+
+def test_a_page_that_fails_costs_neither_the_numbers_nor_the_pictures(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / results.PAGE).write_text("of an earlier run")
+    monkeypatch.setattr(results, "write_page", _fails)
+    monkeypatch.setattr(results, "draw_filmstrip", _draws)
+    shown = results.leave(HANDSHAKE, tmp_path, RunOptions(), "handshake", Console())
+    left = {path.name for path in shown.files}
+    assert left == {"handshake", "filmstrip.png", "plots.png", "report.json"}, "what is listed is there, and no page is"
+    assert all(path.exists() for path in shown.files)
+    assert not (tmp_path / results.PAGE).exists(), "a page of an earlier run would be taken for this one's"
+    results.tell(shown, "handshake", Console())
+    assert "no page.html: AttributeError: 'TextureVisuals'" in capsys.readouterr().out
+
+
+def test_a_run_that_shows_nobody_still_has_numbers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def shows_nobody(*_: Any) -> None:
+        raise BagError("recorded", "never shows a whole person", "there is nothing to show; plots need less")
+
+    monkeypatch.setattr(results, "stage", shows_nobody)
+    shown = results.leave(HANDSHAKE, tmp_path, RunOptions(), "handshake", Console())
+    assert [path.name for path in shown.files] == ["handshake", "plots.png", "report.json"]
+    assert len(shown.problems) == 1
+    assert "never shows a whole person" in shown.problems[0]
+    assert json.loads((tmp_path / results.NUMBERS).read_text())["duration_s"] > 10.0
+
+
+def test_a_mesh_with_a_texture_has_its_middle_colour() -> None:
+    trimesh = pytest.importorskip("trimesh")
+    image = pytest.importorskip("PIL.Image").new("RGB", (4, 4), (200, 30, 40))
+    box = trimesh.creation.box()
+    material = trimesh.visual.material.SimpleMaterial(image=image)
+    box.visual = trimesh.visual.TextureVisuals(uv=np.full((len(box.vertices), 2), 0.5), material=material)
+    assert _colour(box) == (200, 30, 40)
+
+
+def test_a_mesh_with_a_material_that_cannot_be_read_is_grey() -> None:
+    assert _colour(SimpleNamespace(visual=SimpleNamespace(kind="vertex"))) == UNPAINTED

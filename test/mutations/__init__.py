@@ -1,0 +1,19 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Faults that the quick tests have to notice: what `./mild measure mutations` plants, one at a time.
+
+One file per area, each with a tuple FAULTS. Whoever changes the code carries the faults along: a default test fails
+where the old text of one does not stand exactly once in its file.
+"""
+
+from __future__ import annotations
+
+from test.mutations import inference, learning, perception, retargeting, shell
+from test.mutations.fault import Fault
+
+FAULTS: tuple[Fault, ...] = (
+    *perception.FAULTS,
+    *inference.FAULTS,
+    *learning.FAULTS,
+    *retargeting.FAULTS,
+    *shell.FAULTS,
+)

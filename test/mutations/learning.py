@@ -1,0 +1,243 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Faults of learning: objective, calibration of the covariance, novelty, robot's start, folds, windows, errors."""
+
+from __future__ import annotations
+
+from test.mutations.fault import Fault
+
+HERE = "mild_core/learning"
+TESTS = "test/core/learning"
+OBJECTIVE = (f"{TESTS}/test_objective.py", f"{TESTS}/test_latent_prior.py")
+CALIBRATION = (f"{TESTS}/test_calibration.py",)
+NOVELTY = (f"{TESTS}/test_unknown.py",)
+START = (f"{TESTS}/test_start_pose.py",)
+WINDOWS = (f"{TESTS}/test_windows.py", f"{TESTS}/test_corpus.py", f"{TESTS}/test_folds.py")
+EVALUATION = (f"{TESTS}/test_evaluation.py",)
+
+FAULTS = (
+    Fault(
+        "divergence subtracted",
+        "The divergence of eq. 3 is maximised: posteriors flee from the prior.",
+        f"{HERE}/objective.py",
+        "+ weights.divergence * self.divergence",
+        "- weights.divergence * self.divergence",
+        OBJECTIVE,
+    ),
+    Fault(
+        "divergence of the person's latent alone",
+        "The robot's posterior is not drawn to the prior.",
+        f"{HERE}/objective.py",
+        "self._divergence(human, prior, batch, True) + self._divergence(robot, prior, batch, False)",
+        "self._divergence(human, prior, batch, True)",
+        OBJECTIVE,
+    ),
+    Fault(
+        "the robot's posterior by the person's block",
+        "The robot's latent is compared with the person's block of the prior.",
+        f"{HERE}/objective.py",
+        "block = prior.observed if observed else prior.controlled",
+        "block = prior.observed",
+        OBJECTIVE,
+    ),
+    Fault(
+        "component of another step",
+        "A window is compared with the component of the window before the first of its batch.",
+        f"{HERE}/objective.py",
+        "(batch.first + number * self.settings.gradient_stride) // self.settings.stride",
+        "(number * self.settings.gradient_stride) // self.settings.stride",
+        OBJECTIVE,
+    ),
+    Fault(
+        "unit divergence without the determinant's sign",
+        "A wide posterior is nearer to the unit Gaussian than a narrow one.",
+        f"{HERE}/objective.py",
+        "0.5 * (square - size) - torch.log(diagonal).sum(-1)",
+        "0.5 * (square - size) + torch.log(diagonal).sum(-1)",
+        OBJECTIVE,
+    ),
+    Fault(
+        "log-determinants of the divergence exchanged",
+        "KL from a component rewards posteriors that are too narrow.",
+        f"{HERE}/latent_prior.py",
+        "return 0.5 * (trace + distance - posterior.mean.shape[-1] + log_ratio)",
+        "return 0.5 * (trace + distance - posterior.mean.shape[-1] - log_ratio)",
+        OBJECTIVE,
+    ),
+    Fault(
+        "prior not widened by the encoder",
+        "The prior's block is that of posterior means, without what each posterior is unsure of.",
+        f"{HERE}/latent_prior.py",
+        "torch.from_numpy(covariances[..., part, part]) + widening",
+        "torch.from_numpy(covariances[..., part, part]) + 0.0 * widening",
+        OBJECTIVE,
+    ),
+    Fault(
+        "samples by the transposed factor",
+        "Samples of a posterior have another covariance than it.",
+        f"{HERE}/vae.py",
+        "self.mean + (self.factor @ noise[..., None])[..., 0]",
+        "self.mean + (self.factor.transpose(-1, -2) @ noise[..., None])[..., 0]",
+        OBJECTIVE,
+    ),
+    Fault(
+        "scale learned from its own fold",
+        "The scale that is tried on a fold was learned from it, so that every region seems right.",
+        f"{HERE}/calibration.py",
+        "for other, distances in found if other != fold).scale()",
+        "for other, distances in found if other == fold).scale()",
+        CALIBRATION,
+    ),
+    Fault(
+        "scale learned from all folds",
+        "The scale that is tried on a fold was learned from it too.",
+        f"{HERE}/calibration.py",
+        "for other, distances in found if other != fold).scale()",
+        "for other, distances in found).scale()",
+        CALIBRATION,
+    ),
+    Fault(
+        "residual of the fold itself",
+        "What cross-validation left over is measured on the fold that it is tried on.",
+        f"{HERE}/calibration.py",
+        "_residual([doubt for doubt in doubts if doubt.fold != fold])",
+        "_residual([doubt for doubt in doubts if doubt.fold == fold])",
+        CALIBRATION,
+    ),
+    Fault(
+        "scale of a deviation",
+        "The scale fits the deviation and is multiplied with the variance.",
+        f"{HERE}/calibration.py",
+        "float(np.quantile(self.joint, AIM) / chi2.ppf(REGION, self.marginal.shape[1]))",
+        "float(np.sqrt(np.quantile(self.joint, AIM) / chi2.ppf(REGION, self.marginal.shape[1])))",
+        CALIBRATION,
+    ),
+    Fault(
+        "degrees of freedom of one value",
+        "The region of a whole frame is that of a single joint.",
+        f"{HERE}/calibration.py",
+        "np.quantile(self.joint, AIM) / chi2.ppf(REGION, self.marginal.shape[1])",
+        "np.quantile(self.joint, AIM) / chi2.ppf(REGION, 1)",
+        CALIBRATION,
+    ),
+    Fault(
+        "published scale of one fold",
+        "The scale that goes into a model was learned from the first trial alone.",
+        f"{HERE}/calibration.py",
+        "scale[name] = _together(_distances(doubt, _residual(doubts)) for doubt in own).scale()",
+        "scale[name] = _together(_distances(doubt, _residual(doubts)) for doubt in own[:1]).scale()",
+        CALIBRATION,
+    ),
+    Fault(
+        "reach of what was learned",
+        "The reach of the novelty detector is measured on the trials that it was learned from.",
+        f"{HERE}/novelty.py",
+        "settled_scores(territory, trial, protocol) for trial in fold.held_out]",
+        "settled_scores(territory, trial, protocol) for trial in fold.learned]",
+        NOVELTY,
+    ),
+    Fault(
+        "margin divided",
+        "The reach is smaller than what known people keep within.",
+        f"{HERE}/novelty.py",
+        "reach = MARGIN * float(",
+        "reach = 1.0 / MARGIN * float(",
+        NOVELTY,
+    ),
+    Fault(
+        "fading per window",
+        "How long strangeness counts depends on the model's rate.",
+        f"{HERE}/novelty.py",
+        "KEPT_PER_S ** (1.0 / rate_hz)",
+        "KEPT_PER_S",
+        NOVELTY,
+    ),
+    Fault(
+        "bias without its sign",
+        "Coordinates of the novelty detector are not about the mean of its windows.",
+        f"{HERE}/novelty.py",
+        "-coordinates.mean.double().numpy() @ weight",
+        "coordinates.mean.double().numpy() @ weight",
+        NOVELTY,
+    ),
+    Fault(
+        "error the wrong way",
+        "The regression learns what is wrong with a prediction with the sign turned.",
+        f"{HERE}/start_pose.py",
+        ".reshape(-1, joints) - predicted.reshape(-1, joints)",
+        ".reshape(-1, joints) * -1.0 + predicted.reshape(-1, joints)",
+        START,
+    ),
+    Fault(
+        "starts by the mean of all interactions",
+        "How unusual a start is, is judged by another interaction's mean.",
+        f"{HERE}/start_pose.py",
+        "starts[labels == label].mean(axis=0)",
+        "starts[labels != label].mean(axis=0)",
+        START,
+    ),
+    Fault(
+        "held out and learned from",
+        "A trial that is held out is also among those that are learned from.",
+        f"{HERE}/folds.py",
+        "tuple(d for f, d in paired if f != index)",
+        "tuple(d for f, d in paired)",
+        WINDOWS,
+    ),
+    Fault(
+        "answers one frame early",
+        "The robot's window begins a frame before the protocol's lead.",
+        f"{HERE}/windows.py",
+        "first = width - 1 + protocol.lead_frames",
+        "first = width - 2 + protocol.lead_frames",
+        WINDOWS,
+    ),
+    Fault(
+        "velocities to the next frame",
+        "A frame's velocity is that of the frame after it.",
+        f"{HERE}/windows.py",
+        "np.diff(positions, axis=0, prepend=positions[:1]) * demonstration.rate_hz",
+        "np.diff(positions, axis=0, append=positions[-1:]) * demonstration.rate_hz",
+        WINDOWS,
+    ),
+    Fault(
+        "stamp of the oldest frame",
+        "A window is stamped by its first frame.",
+        f"{HERE}/windows.py",
+        "(index + protocol.window - 1) / rate_hz",
+        "index / rate_hz",
+        WINDOWS,
+    ),
+    Fault(
+        "turned about the wrong axis",
+        "Augmentation mirrors a person instead of turning them.",
+        f"{HERE}/corpus.py",
+        "cosine * forward - sine * left + moved[b, x]",
+        "cosine * forward + sine * left + moved[b, x]",
+        WINDOWS,
+    ),
+    Fault(
+        "the robot is not bent in time",
+        "Augmentation bends the person's time and leaves the robot's.",
+        f"{HERE}/corpus.py",
+        "resample(tracks.controlled.numpy(), times.numpy(), controlled.numpy())",
+        "resample(tracks.controlled.numpy(), np.arange(length, dtype=np.float32) + 0 * times.numpy(), "
+        "controlled.numpy())",
+        WINDOWS,
+    ),
+    Fault(
+        "windows drawn instead of trials",
+        "The interval of an error takes overlapping windows for independent ones.",
+        f"{HERE}/evaluation.py",
+        "drawn = rng.integers(len(parts), size=(BOOTSTRAP_DRAWS, len(parts)))",
+        "drawn = np.tile(np.arange(len(parts)), (BOOTSTRAP_DRAWS, 1))",
+        EVALUATION,
+    ),
+    Fault(
+        "macro error over windows",
+        "An interaction with more windows counts for more in the macro error.",
+        f"{HERE}/evaluation.py",
+        "float(np.mean([np.concatenate(parts).mean() for parts in groups]))",
+        "float(np.concatenate([np.concatenate(parts) for parts in groups]).mean())",
+        EVALUATION,
+    ),
+)
