@@ -24,9 +24,9 @@ from typing import Any
 import numpy as np
 
 from mild_core.errors import SetupError, unknown_name
-from test.bench.people_judge import FALSE_START_M, SPEED_M_S, Judgement, judge
-from test.bench.people_run import Expectation, play
-from test.bench.people_scenes import SCENES
+from test.bench.around_people.judge import FALSE_START_M, SPEED_M_S, Judgement, judge
+from test.bench.around_people.run import Expectation, play
+from test.bench.around_people.scenes import SCENES
 
 ROOT = Path(__file__).resolve().parents[2]
 START_BEFORE_S = {
@@ -191,7 +191,11 @@ def printed(rows: Sequence[Sequence[str]]) -> str:
 def code_digest() -> str:
     """Changes with all code that a result depends on."""
     digest = hashlib.sha256()
-    files = [*sorted((ROOT / "mild_core").rglob("*.py")), *sorted((ROOT / "test/bench").glob("people*.py"))]
+    files = [
+        *sorted((ROOT / "mild_core").rglob("*.py")),
+        ROOT / "test/bench/people.py",
+        *sorted((ROOT / "test/bench/around_people").glob("*.py")),
+    ]
     for path in [*files, *sorted((ROOT / "mild_ros/assembly").glob("*.py")), ROOT / "mild_ros/settings.py"]:
         if "learning" not in path.parts:
             digest.update(path.read_bytes())
@@ -249,7 +253,7 @@ def measured(jobs: Sequence[tuple[str, int]], processes: int, path: Path | None,
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Measure, print, write; 0 when every promise is kept, 1 when one is not, 2 for a wrong call."""
-    parser = argparse.ArgumentParser(prog="people", description=(__doc__ or "").split("\n\n")[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
     parser.add_argument("--scene", nargs="+", default=[], metavar="NAME", help="only these; see --list")
     parser.add_argument("--seed", type=int, default=0, help="of the first run of each scene (0)")
     parser.add_argument("--count", type=int, default=7, help="runs of each scene (7)")
@@ -288,7 +292,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     broken = sum(not each.kept for judged in by_scene.values() for each in judged)
     print(f"{len(results)} runs of {len(names)} scenes, {promises} promises, {broken} broken")
     if given.write is not None:
-        from test.bench.people_page import page
+        from test.bench.around_people.page import page
 
         try:
             given.write.write_text(page(given.write.read_text(), results))

@@ -21,8 +21,8 @@ from mild_core.compiled import compiled
 from mild_core.retargeting.robots import ROBOTS
 from mild_ros.simulation.bullet import load_pybullet
 from mild_ros.simulation.quiet import quiet_terminal
-from test.bench.people_bodies import Array, Capsule, Person, capsules_of
-from test.bench.people_run import Run, Setting
+from test.bench.around_people.bodies import Array, Capsule, Person, capsules_of
+from test.bench.around_people.run import Run, Setting
 
 NEAR_M, SPEED_M_S = 0.3, 0.8
 BANDS_M = (0.1, 0.15, 0.25, 0.3)

@@ -17,7 +17,7 @@ import numpy as np
 
 from mild_core.retargeting.robots import ROBOTS
 from mild_ros.scenes import SCENES as GESTURES
-from test.bench.people_bodies import (
+from test.bench.around_people.bodies import (
     HANGING,
     HEAD_JOINTS,
     KINECT_JOINTS,
@@ -31,7 +31,7 @@ from test.bench.people_bodies import (
     mirrored,
     path,
 )
-from test.bench.people_run import Expectation, Setting, Tracker
+from test.bench.around_people.run import Expectation, Setting, Tracker
 
 Rng = np.random.Generator
 

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from mild_core.errors import SetupError
+from test.bench.around_people.judge import BANDS_M, FALSE_START_M, SPEED_M_S
+from test.bench.around_people.scenes import SCENES
 from test.bench.people import Result, nearest_m, table, verdicts
-from test.bench.people_judge import BANDS_M, FALSE_START_M, SPEED_M_S
-from test.bench.people_scenes import SCENES
 
 PLACE = re.compile(r"(<!-- measured: people -->\n)(.*?)(<!-- end -->)", re.DOTALL)
 
