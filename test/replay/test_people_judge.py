@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 from mild_core.errors import SetupError
 from mild_core.retargeting.robots import ROBOTS
 from mild_ros.assembly.perception import robot_from_camera as read_camera
+from test.bench import people
 from test.bench.around_people.bodies import HANGING, KINECT_JOINTS, Person, Sizes, arm_path, capsules_of, path
 from test.bench.around_people.judge import Judgement, broken_limits, judge, shapes_of
 from test.bench.around_people.page import CLAIMS, measured_part, page
@@ -168,6 +170,30 @@ def test_every_scene_is_part_of_a_claim_and_of_the_page() -> None:
     assert "4.1 cm" in text
     with pytest.raises(SetupError, match="0 places"):
         page("nothing", results)
+
+
+def test_a_second_call_goes_on_where_the_first_ended(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    done: list[tuple[str, int]] = []
+
+    def one(job: tuple[str, int]) -> Result:
+        done.append(job)
+        return replace(_result(Judgement(clearance_m={"watched head": 0.2}, commands=3), job[0]), seed=job[1])
+
+    monkeypatch.setattr(people, "run_one", one)
+    kept = ["--scene", "bend", "lunge", "--jobs", "1", "--json", str(tmp_path / "kept.json")]
+    assert people.main([*kept, "--count", "1"]) == 0
+    assert people.main([*kept, "--count", "2"]) == 0
+    assert done == [("bend", 0), ("lunge", 0), ("bend", 1), ("lunge", 1)]
+    assert "4 runs of 2 scenes" in capsys.readouterr().out
+    monkeypatch.setattr(people, "code_digest", lambda: "another")
+    assert people.main([*kept, "--count", "1"]) == 0
+    assert len(done) == 6
+    (tmp_path / "kept.json").write_text("[]")
+    assert people.main(kept) == 2
+    assert people.main(["--scene", "bendd"]) == 2
+    assert "did you mean 'bend'" in capsys.readouterr().err
 
 
 def _result(judgement: Judgement, scene: str = "handshake") -> Result:
