@@ -21,6 +21,7 @@ from mild_ros.messages.feeds import SKELETON_TOPIC, Feed, message_class
 from mild_ros.messages.marker_array_bytes import marker_array_from_bytes
 from mild_ros.messages.skeletons import ADAPTERS
 from mild_ros.quality_of_service import SENSOR, STATIC_TRANSFORMS
+from mild_ros.reception import Reception
 from mild_ros.settings import PerceptionParameters
 from mild_ros.tracker_watch import TrackerWatch
 
@@ -74,13 +75,14 @@ class Tracker:
     def listen(
         self,
         node: Node,
+        reception: Reception,
         clock: NodeClock,
         diagnostics: Diagnostics,
         fates: Fates,
         on_sight: Callable[[Sighting], None],
     ) -> None:
         """Call `on_sight` with everyone who is seen; a message that cannot be read is counted and logged here."""
-        watch = TrackerWatch(node, diagnostics, self._source, tuple(feed for feed, _ in self._feeds))
+        watch = TrackerWatch(node, diagnostics, self._source, tuple(feed for feed, _ in self._feeds), reception.lock)
 
         def on_message(feed: Feed, message: Any) -> None:
             steady_ns, now_ns = time.perf_counter_ns(), clock.now_ns()
@@ -104,4 +106,4 @@ class Tracker:
         for feed, message_type in self._feeds:
             quality = STATIC_TRANSFORMS if feed.latched else SENSOR
             raw = feed.type_name in FROM_BYTES
-            node.create_subscription(message_type, feed.topic, partial(on_message, feed), quality, raw=raw)
+            reception.subscribe(message_type, feed.topic, partial(on_message, feed), quality, raw=raw)
