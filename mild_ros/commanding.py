@@ -35,6 +35,7 @@ SILENT = {
     "operator": "",
     "discovery": "waits until every other publisher of commands would have been seen",
     "contest": "",
+    "end": "this node ends",
     "time": "/clock stands still: the robot was stopped, and goes on when time does",
 }
 """Reasons to send no commands, and what is said of them; the operator's is said by the mode."""

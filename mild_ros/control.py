@@ -30,7 +30,7 @@ from mild_ros.messages.stamps import NANOSECONDS_PER_SECOND
 from mild_ros.settings import RetargetingParameters
 from mild_ros.threads import StageNode
 
-KEPT = {"measurement": 16, "person": 8, "motion": 4}
+KEPT = {"measurement": 32, "person": 8, "motion": 4}
 """Inputs of each kind that wait at most. Measurements come from several publishers, which are all to be heard."""
 
 MOTION_PERIOD_S = 0.005
@@ -44,6 +44,10 @@ SWITCH_S = 0.0005
 
 ANSWER_S = 5.0
 """Control answers within a period; a machine that gives it no time for so long has stopped."""
+
+
+END_S = 1.0
+"""A smooth stop takes 0.3 s; a node that is to end ends after this time in any case."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +122,7 @@ class Control:
         self.clock = NodeClock(node, diagnostics, self._on_tick, parameters.control_rate_hz, timer=False)
         if not self._in_order:
             sys.setswitchinterval(SWITCH_S)
-            node.run_beside("control", self._run)
+            node.run_beside("control", self._run, self._finish)
 
     def put(self, *entries: Given) -> None:
         """Hand over inputs that came together; in lock-step they are taken at once."""
@@ -155,6 +159,13 @@ class Control:
         if not done.wait(ANSWER_S):
             raise TimeoutError(f"control has had no time for {ANSWER_S:g} s")
         return found[0]
+
+    def _finish(self) -> None:
+        """The node is to end: let the robot come to rest first."""
+        self.call(lambda: self.commanding.stop("end"))
+        deadline_s = time.monotonic() + END_S
+        while self.state.commanded_ns is not None and time.monotonic() < deadline_s:
+            time.sleep(self._period_s)
 
     def _request(self, request: Request) -> RetargetingState:
         now_ns = self._now_ns()

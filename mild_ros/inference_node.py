@@ -21,7 +21,7 @@ from mild_ros.motion_topics import MotionTopics
 from mild_ros.operator_services import OperatorServices
 from mild_ros.parameters import declare
 from mild_ros.quality_of_service import BETWEEN_STAGES, SENSOR
-from mild_ros.reception import Reception
+from mild_ros.reception import JOINTS_KEPT, Reception
 from mild_ros.running import run
 from mild_ros.settings import InferenceParameters
 from mild_ros.threads import StageNode
@@ -47,7 +47,7 @@ class InferenceNode(StageNode):
         self._reception.subscribe(PointCloud2, "feature_window", self._on_window, BETWEEN_STAGES)
         ours = model.manifest.controlled.joint_names
         self._naming = joint_naming(ours, parameters.robot_joint_names if model.start_pose else ())
-        self._reception.subscribe(JointState, "joint_states", self._on_joint_states, SENSOR)
+        self._reception.subscribe(JointState, "joint_states", self._on_joint_states, SENSOR, kept=JOINTS_KEPT)
         self.get_logger().info(f"{parameters.model} knows {', '.join(model.manifest.interactions)}")
 
     def _on_window(self, message: Any) -> None:

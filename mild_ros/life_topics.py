@@ -46,7 +46,7 @@ class LifeTopics:
             wish, header = self._service.handle.service_take_request(SetBool.Request)
             if header is None:
                 return
-            self._service.send_response(self._on_hold(wish, SetBool.Response()), header)
+            self._service.send_response(self._service.callback(wish, SetBool.Response()), header)
 
     def tell(self, state: RetargetingState, commands: tuple[JointCommand, ...]) -> None:
         """Say what has changed."""

@@ -13,7 +13,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -26,6 +26,9 @@ from mild_ros.threads import StageNode
 
 KEPT = 8
 """Messages of a topic that are used of those that came at once. At 200 Hz eight are the work of 40 ms."""
+
+JOINTS_KEPT = 16
+"""The same of `joint_states`: a driver may say each joint in a message of its own."""
 
 NOTICE_NS = 100_000_000
 """A thread that has nothing to do notices the end of the node within this time."""
@@ -41,10 +44,9 @@ class _Input:
     topic: str
     kind: type[Any]
     raw: bool
-    callback: Callable[[Any], None]
     subscription: Subscription
     depth: int
-    newest: deque[tuple[int, bytes]] = field(default_factory=lambda: deque(maxlen=KEPT))
+    newest: deque[tuple[int, bytes]]
 
 
 class Reception:
@@ -66,15 +68,32 @@ class Reception:
             node.run_beside("reception", self._run)
 
     def subscribe(
-        self, kind: type[Any], topic: str, callback: Callable[[Any], None], quality: QoSProfile, *, raw: bool = False
+        self,
+        kind: type[Any],
+        topic: str,
+        callback: Callable[[Any], None],
+        quality: QoSProfile,
+        *,
+        raw: bool = False,
+        kept: int = KEPT,
     ) -> None:
-        """Hand every message of a topic that is used to `callback`; as bytes if `raw`."""
+        """Hand messages to a callback.
+
+        Args:
+            kind: Their type.
+            topic: Their topic.
+            callback: Takes each that is used.
+            quality: How they are delivered.
+            raw: Whether the callback takes bytes.
+            kept: How many are used of those that came at once. Where one message says only a part (one joint, one
+                transform), all parts that come together must find a place.
+        """
         if self._in_order:
             self._node.create_subscription(kind, topic, callback, quality, raw=raw)
             return
         subscription = self._node.create_subscription(kind, topic, callback, quality, raw=True)
         self._node.take_over(subscription)
-        self._inputs.append(_Input(topic, kind, raw, callback, subscription, quality.depth))
+        self._inputs.append(_Input(topic, kind, raw, subscription, quality.depth, deque(maxlen=kept)))
 
     def _run(self) -> None:
         count = len(self._inputs)
@@ -127,4 +146,4 @@ class Reception:
                 self._diagnostics.unreadable(entry.topic, "undecodable", str(error).splitlines()[0])
                 continue
             with self.lock:
-                entry.callback(message)
+                entry.subscription.callback(message)

@@ -31,6 +31,7 @@ class StageNode(Node):
     def __init__(self, name: str) -> None:
         self._taken_over: set[int] = set()
         self._bodies: list[tuple[str, Callable[[], None]]] = []
+        self._finishing: list[Callable[[], None]] = []
         self._threads: list[threading.Thread] = []
         self.started_s = time.monotonic()
         self.failure: BaseException | None = None
@@ -56,9 +57,10 @@ class StageNode(Node):
         """From now on the executor leaves this subscription or service alone."""
         self._taken_over.add(id(entry))
 
-    def run_beside(self, name: str, body: Callable[[], None]) -> None:
-        """Call `body` in a thread from the start of the node; it returns when `ending` is set."""
+    def run_beside(self, name: str, body: Callable[[], None], finish: Callable[[], None] = lambda: None) -> None:
+        """Call `body` in a thread from the start of the node; it returns when `ending` is set, `finish` having run."""
         self._bodies.append((name, body))
+        self._finishing.append(finish)
 
     def start_threads(self) -> None:
         """Start what runs beside the executor; an error in it ends the node as one in a callback does."""
@@ -76,7 +78,11 @@ class StageNode(Node):
             self._threads[-1].start()
 
     def stop_threads(self) -> None:
-        """End all threads, before the node is destroyed."""
-        self.ending.set()
+        """End all threads, before the node is destroyed; where nothing has failed, what they do is finished first."""
+        try:
+            for finish in self._finishing if self._threads and not self.ending.is_set() else ():
+                finish()
+        finally:
+            self.ending.set()
         for thread in self._threads:
             thread.join(JOIN_S)

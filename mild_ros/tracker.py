@@ -21,7 +21,7 @@ from mild_ros.messages.feeds import SKELETON_TOPIC, Feed, message_class
 from mild_ros.messages.marker_array_bytes import marker_array_from_bytes
 from mild_ros.messages.skeletons import ADAPTERS
 from mild_ros.quality_of_service import SENSOR, STATIC_TRANSFORMS
-from mild_ros.reception import Reception
+from mild_ros.reception import KEPT, Reception
 from mild_ros.settings import PerceptionParameters
 from mild_ros.tracker_watch import TrackerWatch
 
@@ -106,4 +106,7 @@ class Tracker:
         for feed, message_type in self._feeds:
             quality = STATIC_TRANSFORMS if feed.latched else SENSOR
             raw = feed.type_name in FROM_BYTES
-            reception.subscribe(message_type, feed.topic, partial(on_message, feed), quality, raw=raw)
+            # A transform alone shows nobody, and every static one comes once only.
+            kept = quality.depth if feed.latched or feed.lacks is not None else KEPT
+            read = partial(on_message, feed)
+            reception.subscribe(message_type, feed.topic, read, quality, raw=raw, kept=kept)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import signal
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -187,6 +188,21 @@ def test_hold_says_so_when_no_command_is_sent(start: Callable[..., NodeProcess],
     mover.probe.until(lambda: "waiting for joint_states" in mover.status()[1], "waiting")
     answer = mover.probe.call(SetBool, "/retargeting/hold", SetBool.Request(data=True))
     assert answer.message == "held; waiting: the robot has not said where it is, and no command is sent"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_node_that_ends_brings_the_robot_to_rest_first(
+    start: Callable[..., NodeProcess], mover: Mover, number: int
+) -> None:
+    node = start("retargeting")
+    mover.connect()
+    mover.until(lambda: mover.moves, "the robot moves")
+    first = len(mover.commands)
+    node.process.send_signal(number)
+    mover.until(lambda: node.process.poll() is not None, "the end", 10.0)
+    assert node.process.returncode == 0
+    assert mover.rests()
+    assert mover.judged(first - 20) == []
 
 
 class Two:
