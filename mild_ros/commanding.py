@@ -94,11 +94,11 @@ class Commanding:
         if self._contested:
             self._diagnostics.alarms["contest"] = (DiagnosticStatus.ERROR, self._contest(others, topic))
 
-    def tell(self, state: RetargetingState, now_ns: int) -> None:
+    def tell(self, state: RetargetingState) -> None:
         """Say what retargeting does and why."""
         alarms = self._diagnostics.alarms
         alarms.pop("mode", None)
-        if state.joints.disagree(now_ns):
+        if state.joints.disagree(state.joints.newest_ns):
             alarms["mode"] = (DiagnosticStatus.ERROR, f"holding: {self._contradiction()}")
         elif state.displaced:
             alarms["mode"] = (DiagnosticStatus.WARN, "holding: the robot is not where it was told to be")

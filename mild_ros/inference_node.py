@@ -6,7 +6,6 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from rclpy.node import Node
 from sensor_msgs.msg import JointState, PointCloud2
 
 from mild_core.errors import DataError
@@ -14,6 +13,7 @@ from mild_ros.assembly.inference import load, make_inference
 from mild_ros.clock import NodeClock
 from mild_ros.diagnostics import Diagnostics
 from mild_ros.fates import Fates
+from mild_ros.guarded import GuardedNode
 from mild_ros.joint_naming import joint_naming
 from mild_ros.messages.feature_window import feature_window_from_msg
 from mild_ros.messages.joint_state import joint_measurement_from_msg
@@ -26,7 +26,7 @@ from mild_ros.running import run
 from mild_ros.settings import InferenceParameters
 
 
-class InferenceNode(Node):
+class InferenceNode(GuardedNode):
     """The inference stage and its topics."""
 
     def __init__(self) -> None:

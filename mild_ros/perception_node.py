@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import time
 
-from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 
 from mild_ros.assembly.perception import make_perception, manifest_of
@@ -13,6 +12,7 @@ from mild_ros.calibration_file import CalibrationFile
 from mild_ros.clock import NodeClock
 from mild_ros.diagnostics import Diagnostics
 from mild_ros.fates import Fates
+from mild_ros.guarded import GuardedNode
 from mild_ros.messages.feature_window import feature_window_to_msg
 from mild_ros.messages.person import person_to_msg
 from mild_ros.operator_services import OperatorServices
@@ -23,7 +23,7 @@ from mild_ros.settings import PerceptionParameters
 from mild_ros.tracker import Sighting, Tracker
 
 
-class PerceptionNode(Node):
+class PerceptionNode(GuardedNode):
     """The perception stage and its topics."""
 
     def __init__(self) -> None:

@@ -6,7 +6,6 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from mild_core.errors import DataError
@@ -19,6 +18,7 @@ from mild_ros.clock import NodeClock
 from mild_ros.commanding import Commanding
 from mild_ros.diagnostics import Diagnostics
 from mild_ros.fates import Fates
+from mild_ros.guarded import GuardedNode
 from mild_ros.life_topics import LifeTopics
 from mild_ros.messages.stamps import ns_from_msg
 from mild_ros.motion_topics import InsideTopics, MotionTopics
@@ -29,7 +29,7 @@ from mild_ros.settings import PipelineParameters
 from mild_ros.tracker import Sighting, Tracker
 
 
-class PipelineNode(Node):
+class PipelineNode(GuardedNode):
     """The whole system and its topics."""
 
     def __init__(self) -> None:
@@ -104,7 +104,7 @@ class PipelineNode(Node):
 
     def _look(self) -> None:
         self._commanding.look_for_others()
-        self._commanding.tell(self._state.retargeting, self._time.now_ns())
+        self._commanding.tell(self._state.retargeting)
 
 
 def main() -> int:

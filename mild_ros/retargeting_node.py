@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from rclpy.node import Node
 from sensor_msgs.msg import JointState, PointCloud2
 
 from mild_core.errors import DataError
@@ -19,6 +18,7 @@ from mild_ros.clock import NodeClock
 from mild_ros.commanding import Commanding
 from mild_ros.diagnostics import Diagnostics
 from mild_ros.fates import Fates
+from mild_ros.guarded import GuardedNode
 from mild_ros.life_topics import LifeTopics
 from mild_ros.messages.motion import motion_from_msgs, motion_type
 from mild_ros.messages.person import person_from_msg
@@ -30,7 +30,7 @@ from mild_ros.running import run
 from mild_ros.settings import RetargetingParameters
 
 
-class RetargetingNode(Node):
+class RetargetingNode(GuardedNode):
     """The retargeting stage and its topics."""
 
     def __init__(self) -> None:
@@ -103,7 +103,7 @@ class RetargetingNode(Node):
 
     def _look(self) -> None:
         self._commanding.look_for_others()
-        self._commanding.tell(self._state, self._time.now_ns())
+        self._commanding.tell(self._state)
 
 
 def main() -> int:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from mild_core.errors import SetupError
 from mild_core.inference.manifest import ControlledAgent
+from mild_core.printable import printable_lines
 from mild_core.retargeting.kinematics import read_tree
 from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.robot_file import find_robot
@@ -43,7 +44,7 @@ def make_robot(given: str, description: str = "") -> RobotModel:
     found = prepared(path, robot)
     read_tree(found.path).chain(robot.tool_link, robot.base_link)
     if found.note:
-        logging.getLogger(__name__).warning(found.note)
+        logging.getLogger(__name__).warning("%s", printable_lines(found.note))
     return robot if found.path == robot.urdf_path else replace(robot, urdf_path=found.path)
 
 
