@@ -15,6 +15,7 @@ from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.robot_file import find_robot
 from mild_core.signals import ARM_JOINTS
 from mild_ros.assembly.description import prepared, temporary
+from mild_ros.assembly.trial_load import try_load
 
 TOPIC = "topic:"
 """Before the name of a topic in place of a path."""
@@ -43,6 +44,7 @@ def make_robot(given: str, description: str = "") -> RobotModel:
         raise SetupError(str(path), f"it has no joint {', '.join(missing)}", f"give a description of {robot.name}")
     found = prepared(path, robot)
     read_tree(found.path).chain(robot.tool_link, robot.base_link)
+    try_load(found.path, "pinocchio")
     if found.note:
         logging.getLogger(__name__).warning("%s", printable_lines(found.note))
     return robot if found.path == robot.urdf_path else replace(robot, urdf_path=found.path)
