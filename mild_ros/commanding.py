@@ -153,7 +153,9 @@ class Commanding:
         """Say what retargeting does and why."""
         alarms = self._diagnostics.alarms
         alarms.pop("mode", None)
-        if state.displaced:
+        if state.joints.disagree(state.joints.newest_ns):
+            alarms["mode"] = (DiagnosticStatus.ERROR, f"holding: {self._contradiction()}")
+        elif state.displaced:
             alarms["mode"] = (DiagnosticStatus.WARN, "holding: the robot is not where it was told to be")
         elif state.silent:
             alarms["mode"] = (DiagnosticStatus.WARN, "holding: the robot has ceased to say where it is")
@@ -184,6 +186,15 @@ class Commanding:
             self.go_on("operator")
         else:
             self.stop("operator")
+
+    def _contradiction(self) -> str:
+        """Who says that the robot is in two places."""
+        found = self._node.get_publishers_info_by_topic(self._node.resolve_topic_name("joint_states"))
+        names = ", ".join(sorted(f"{one.node_namespace.rstrip('/')}/{one.node_name}" for one in found))
+        if len(found) > 1:
+            count = {2: "two", 3: "three"}.get(len(found), str(len(found)))
+            return f"{count} publishers of joint_states disagree: {names}"
+        return f"joint_states contradict each other{names and f' (from {names})'}: a joint cannot move so fast"
 
     def _on_enable(self, wish: Any, answer: Any) -> Any:
         wanted = bool(wish.data)

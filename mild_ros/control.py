@@ -187,6 +187,7 @@ class Control:
 
     def _run(self) -> None:
         next_s = time.monotonic()
+        take_late, tick = self._node.guard("control", self._take_late), self._node.guard("control", self._tick)
         while not self._node.ending.is_set():
             with self._changed:
                 while not (self._calls or self._due or self._node.ending.is_set()):
@@ -200,18 +201,18 @@ class Control:
                 due, self._due = self._due, False
             self._life.serve_hold()
             for do, found, done in calls:
-                found.append(do())
+                found.append(self._node.guard("control", do)())
                 done.set()
             self.commanding.watch()
             now_ns = self._now_ns()
             for entry in entries:
-                self._take_late(entry, now_ns)
+                take_late(entry, now_ns)
             now_s = time.monotonic()
             if now_s >= next_s:
                 next_s += self._period_s * (1 + int((now_s - next_s) / self._period_s))
                 due = self._check_clock() if self.clock.simulated and not due else True
             if due:
-                self._tick(self._now_ns())
+                tick(self._now_ns())
 
     def _drained(self) -> list[Given]:
         """Everything in the inbox, in the order in which it came; motions wait for their time."""
@@ -267,7 +268,7 @@ class Control:
                 self._behind_ns = entry.behind_ns
             if entry.stamp_ns is not None:
                 outcomes.append((self.state.outcome, entry.stamp_ns))
-            self._diagnostics.ended("retargeting", self.state.outcome, self.state.counts)
+            self._diagnostics.ended("retargeting", self.state.outcome, self.state.counts, self.state.detail)
         self._life.tell(self.state, commands)
         self.commanding.send(commands, self.state)
         if commands:

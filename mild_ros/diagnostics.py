@@ -9,9 +9,10 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.node import Node
 
+from mild_core.printable import printable, printable_lines
 from mild_ros.clock import steady_clock
+from mild_ros.guarded import GuardedNode
 from mild_ros.measuring import Spread, Stream
 from mild_ros.messages.stamps import time_to_msg
 
@@ -22,10 +23,13 @@ SILENCE_S = 1.0
 REPEAT_S = 5.0
 """The same complaint is logged again no sooner than this."""
 
+FAILURE_S = 10.0
+"""A failure of a callback is an ERROR for so long."""
+
 UNREMARKABLE = {
     "perception": {"accepted", "calibrating", "calibrated", "nobody"},
-    "inference": {"accepted", "measured"},
-    "retargeting": {"accepted", "tick", "measured", "person", "not_enabled"}
+    "inference": {"accepted", "measured", "other_joints"},
+    "retargeting": {"accepted", "tick", "measured", "other_joints", "person", "not_enabled"}
     | {"enabled", "disabled", "reset", "held", "released"},
 }
 """Outcomes of a stage that need no warning; any other is an input that could not be used."""
@@ -43,7 +47,7 @@ class Diagnostics:
 
     def __init__(
         self,
-        node: Node,
+        node: GuardedNode,
         expected: tuple[str, ...],
         hardware_id: str = "",
         look: Callable[[], None] = lambda: None,
@@ -62,6 +66,8 @@ class Diagnostics:
         self._superseded: Counter[str] = Counter()
         self._complained_s: dict[str, float] = {}
         self._reported_s = self._started_s = time.monotonic()
+        self._failures: dict[str, float] = {}
+        node.on_failed = self.failed
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         node.create_timer(PERIOD_S, self._report, clock=steady_clock())
 
@@ -108,12 +114,18 @@ class Diagnostics:
             self.newest_detail = f"{reason}: {detail}"
             self.complain(f"{topic} {reason}", detail)
 
+    def failed(self, where: str, reason: str, detail: str) -> None:
+        """A callback raised what nobody foresaw, see `guarded`: an ERROR for a while, beside the count."""
+        self.unreadable(where, reason, detail)
+        with self._lock:
+            self._failures[printable(f"{where} {detail}", 160)] = time.monotonic()
+
     def complain(self, about: str, detail: str = "") -> None:
         """Log a warning, but the same one not all the time."""
         now_s = time.monotonic()
         if now_s - self._complained_s.get(about, -REPEAT_S) >= REPEAT_S:
             self._complained_s[about] = now_s
-            self._node.get_logger().warning(f"{about}: {detail}" if detail else about)
+            self._node.get_logger().warning(printable(f"{about}: {detail}" if detail else about))
 
     def _report(self) -> None:
         self._look()
@@ -123,9 +135,9 @@ class Diagnostics:
             values = self._values(now_s)
             self._unusable.clear()
         message = "; ".join(problems) or self.summary
-        status = DiagnosticStatus(level=level, message=message, hardware_id=self._hardware_id)
+        status = DiagnosticStatus(level=level, message=printable_lines(message), hardware_id=self._hardware_id)
         status.name = self._node.get_fully_qualified_name().lstrip("/")
-        status.values = [KeyValue(key=key, value=value) for key, value in values.items()]
+        status.values = [KeyValue(key=printable(key), value=printable(value)) for key, value in values.items()]
         stamp = time_to_msg(self._node.get_clock().now().nanoseconds)
         array = DiagnosticArray(status=[status])
         array.header.stamp = stamp
@@ -135,6 +147,8 @@ class Diagnostics:
     def _judged(self, now_s: float) -> tuple[bytes, list[str]]:
         """The level and what is wrong, the worst first."""
         found = list(self.alarms.values())
+        self._failures = {text: when for text, when in self._failures.items() if now_s - when <= FAILURE_S}
+        found += [(DiagnosticStatus.ERROR, f"failed: {text}") for text in self._failures]
         for topic in self._expected:
             newest_s = self._streams[topic].newest_s
             silent_s = now_s - (self._started_s if newest_s is None else newest_s)

@@ -13,6 +13,7 @@ from rclpy.clock import Clock as RosClock
 from rclpy.clock import ClockType
 
 from mild_core.errors import DataError, SetupError
+from mild_core.joint_measurements import OUTCOMES
 from mild_ros.bags import BagReader
 from mild_ros.encoding import restamped
 from mild_ros.messages.handled import Handled
@@ -20,9 +21,6 @@ from mild_ros.replay_events import JOINT_STATES, SKELETON, TAKEN, TICK, Event
 
 FIRST = ("perception", "pipeline")
 """Stages that take skeletons: nothing that comes of one is all handled before they say so."""
-
-MEASURED = ("measured", "joints_missing", "outside_limits")
-"""Outcomes of the robot's own states, which may come from a simulation at any time."""
 
 REPEAT_S = 0.5
 """`/clock` is best effort: a tick that nobody answers is sent again after so long."""
@@ -122,7 +120,7 @@ class LockStep:
         if event.input == TICK:
             return fate.outcome == "tick" and fate.stamp_ns == event.time_ns
         if event.input == SKELETON:
-            return fate.outcome != "tick" and fate.outcome not in MEASURED
+            return fate.outcome != "tick" and fate.outcome not in OUTCOMES
         return fate.outcome != "tick" and fate.outputs == 0
 
 

@@ -12,15 +12,16 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from rclpy.node import Node
 from rclpy.service import Service
 from rclpy.subscription import Subscription
+
+from mild_ros.guarded import GuardedNode
 
 JOIN_S = 5.0
 """A thread ends within a control period; a busy machine may take longer."""
 
 
-class StageNode(Node):
+class StageNode(GuardedNode):
     """A node that may take subscriptions and services from its executor.
 
     Attributes:

@@ -10,7 +10,7 @@ Every window ends in exactly one outcome: `accepted`, or what is wrong with it: 
 `not_finite`, `duplicate`. Beside them, events are counted that may come with any accepted window: `time_reset` (its
 stamp lies before the last one), `gap_reset` (more than a window was missed), `begun_anew` (the arm has come back to
 rest), `missed` (windows that never came), `unknown` (it is far from all that the model knows). The robot's own word of
-where it is ends as `measured`, or as what is wrong with it: `joints_missing`, `not_finite`.
+where it is ends as in `joint_measurements`.
 
 Source: Algorithm 2 of MILD.
 """
@@ -31,6 +31,7 @@ from mild_core.inference.recognition import Recognition, given, recognise, undec
 from mild_core.inference.resting import STILL_S, first_seen, is_back, is_waiting, rests, watch
 from mild_core.inference.state import CopyState, InferenceState
 from mild_core.inference.stepping import Observed
+from mild_core.joint_measurements import JointMerger
 from mild_core.shapes import FloatArray, read_only
 from mild_core.signals import FeatureWindow, JointMeasurement, MotionWindow
 
@@ -44,6 +45,9 @@ NEGLIGIBLE = 1e-3
 """Probability of an interaction below which what it would answer is not asked for."""
 
 
+FAST_JOINT_RAD_S = 10.0
+"""Speed of the joints of an arm whose limits are unknown."""
+
 _Found = tuple[tuple[Observed, ...], ...]
 """What each member finds, by interaction that it is told."""
 
@@ -55,6 +59,8 @@ class Inference:
     Attributes:
         model: A trained model.
         interaction: One of its interactions, or "auto" to recognise it.
+        joint_velocity_rad_s: (J,) largest speeds of the robot's joints, by which its messages are doubted; empty when
+            they are unknown.
 
     Raises:
         SetupError: The model knows no such interaction; those that it knows are listed.
@@ -62,6 +68,7 @@ class Inference:
 
     model: MildModel
     interaction: str = AUTO
+    joint_velocity_rad_s: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         names = self.model.manifest.interactions
@@ -78,6 +85,11 @@ class Inference:
         """Numbers of the interactions that may be the one."""
         names = self.model.manifest.interactions
         return tuple(range(len(names))) if self.interaction == AUTO else (names.index(self.interaction),)
+
+    @cached_property
+    def _merger(self) -> JointMerger:
+        names = self.model.manifest.controlled.joint_names
+        return JointMerger(names, self.joint_velocity_rad_s or (FAST_JOINT_RAD_S,) * len(names))
 
     @cached_property
     def _period_ns(self) -> int:
@@ -103,7 +115,7 @@ class Inference:
 
     def afresh(self, state: InferenceState) -> InferenceState:
         """The state with nothing remembered of the person."""
-        return replace(self.init(), start=state.start, counts=state.counts)
+        return replace(self.init(), joints=state.joints, start=state.start, counts=state.counts)
 
     def step(
         self, state: InferenceState, given: FeatureWindow | JointMeasurement, now_ns: int
@@ -113,13 +125,13 @@ class Inference:
         Args:
             state: Before it.
             given: A window at the model's rate; or a measurement, which counts while no person is there.
-            now_ns: When it came; not used: inference lives in the time of the stamps.
+            now_ns: When it came; of windows not used: inference lives in the time of the stamps.
 
         Returns:
             The state after it, and the one motion window that answers a window; none when it cannot be used.
         """
         if isinstance(given, JointMeasurement):
-            return self._measured(state, given), ()
+            return self._measured(state, given, now_ns), ()
         try:
             self._check(state, given)
             before, index, events = self._in_time(state, given)
@@ -200,18 +212,19 @@ class Inference:
             rest = first_seen(hand_m) if state.rest is None else watch(state.rest, hand_m[-1], passed)
         return replace(state, units=units, rest=rest)
 
-    def _measured(self, state: InferenceState, given: JointMeasurement) -> InferenceState:
+    def _measured(self, state: InferenceState, given: JointMeasurement, now_ns: int) -> InferenceState:
         """The state after the robot said where it is: its start, unless a person is there whom it may be answering."""
-        told = replace(state, outcome="measured", detail="")
         if self.model.start_pose is None:
-            return told
-        try:
-            start = given.of(self.model.manifest.controlled.joint_names)
-        except DataError as error:
-            return state.refused(error)
+            return replace(state, outcome="measured", detail="")
+        joints = self._merger.take(state.joints, given, now_ns)
+        if joints.outcome == "other_joints":
+            return replace(state, joints=joints, outcome="other_joints", detail="")
+        if joints.outcome != "measured":
+            return replace(state, joints=joints).refused(DataError(joints.outcome, joints.detail))
+        told = replace(state, joints=joints, outcome="measured", detail="")
         longest_ns = self.model.manifest.window * self._period_ns
         answering = state.stamp_ns is not None and given.stamp_ns - state.stamp_ns <= longest_ns
-        return told if answering else replace(told, start=start)
+        return told if answering else replace(told, start=joints.positions_rad)
 
     def _beside(
         self, members: Generated, window: FeatureWindow, seen: InferenceState, recognition: Recognition

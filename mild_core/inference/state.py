@@ -10,6 +10,7 @@ from mild_core.errors import DataError
 from mild_core.inference.member import MemberState
 from mild_core.inference.recognition import Recognition
 from mild_core.inference.resting import Rest
+from mild_core.joint_measurements import JointTracks
 from mild_core.shapes import FloatArray
 
 
@@ -41,6 +42,7 @@ class InferenceState:
         strayed: See `Territory.follow`; (0,) in a model without one.
         units: (R,) of the reservoir; None before the first window, and in a model without one.
         rest: Where the hand rested; None before the first window.
+        joints: The robot's own word on where it is.
         start: (J,) where the robot stood when the person came [rad]; None: it has not said.
     """
 
@@ -49,6 +51,7 @@ class InferenceState:
     strayed: FloatArray
     units: FloatArray | None = None
     rest: Rest | None = None
+    joints: JointTracks = field(default_factory=JointTracks)
     start: FloatArray | None = None
     counts: Mapping[str, int] = field(default_factory=dict)
     outcome: str = ""

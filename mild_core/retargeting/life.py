@@ -39,7 +39,7 @@ def situation(
         raised=alone or (present and state.sight is not None and state.sight.raised),
         held=state.held,
         displaced=state.displaced,
-        silent=state.silent,
+        silent=state.silent or state.joints.disagree(now_ns),
         at_home=at_home,
         patience_over=resting and held_s >= settings.home_after_s,
         too_long=state.mode is Mode.RETURNING and since_s > settings.home_timeout_s,

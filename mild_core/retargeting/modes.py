@@ -42,7 +42,7 @@ class Situation:
         raised: Their hand has left its rest, or nobody tells where hands are.
         held: The operator holds the robot.
         displaced: The robot is not where it was told to be.
-        silent: The robot has ceased to say where it is.
+        silent: The robot has ceased to say where it is, or says two things.
         at_home: The robot rests at home.
         patience_over: The robot has held at rest for as long as it should before it goes home.
         too_long: It has been on its way home for longer than it should.

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from mild_core.errors import DataError
+from mild_core.joint_measurements import JointMerger
 from mild_core.retargeting.limiter import JointMotion
 from mild_core.retargeting.modes import Mode
 from mild_core.retargeting.person import check_pose
@@ -66,26 +67,42 @@ def take_person(
     return replace(state.with_sight(now_ns), person=given, person_ns=now_ns).ended("person")
 
 
+def joint_merger(robot: RobotModel, settings: RetargetingSettings) -> JointMerger:
+    """What merges and doubts the robot's own messages."""
+    return JointMerger(
+        robot.joint_names,
+        tuple(robot.velocity_rad_s.tolist()),
+        tuple((robot.lower_rad - OUTSIDE_RAD).tolist()),
+        tuple((robot.upper_rad + OUTSIDE_RAD).tolist()),
+        settings.stale_after_s,
+    )
+
+
 def take_measurement(
-    state: RetargetingState, given: JointMeasurement, robot: RobotModel, settings: RetargetingSettings, now_ns: int
+    state: RetargetingState,
+    given: JointMeasurement,
+    merger: JointMerger,
+    robot: RobotModel,
+    settings: RetargetingSettings,
+    now_ns: int,
 ) -> RetargetingState:
-    """The state after the robot said where it is; its outcome is `measured` or why the measurement was refused.
+    """The state after the robot said where it is; its outcome is one of `joint_measurements`.
 
     The first one ends `waiting`. While disabled and at rest the command follows the robot. Otherwise it is watched
     for the robot being elsewhere than commanded.
     """
-    try:
-        measured = given.of(robot.joint_names)
-    except DataError as error:
-        return state.ended(error.reason)
-    inside = np.minimum(np.maximum(measured, robot.lower_rad), robot.upper_rad)
-    if np.abs(measured - inside).max() > OUTSIDE_RAD:
-        return state.ended("outside_limits")
+    disagreed, joints = state.joints.disagree(now_ns), merger.take(state.joints, given, now_ns)
+    state = replace(state, joints=joints)
+    if joints.disagree(now_ns) and not disagreed:
+        state = state.counted("joint_states_disagree")
+    if joints.outcome != "measured":
+        return state.ended(joints.outcome, joints.detail)
+    inside = np.minimum(np.maximum(joints.positions_rad, robot.lower_rad), robot.upper_rad)
     reports = state.measured_ns is not None and (now_ns - state.measured_ns) * 1e-9 <= settings.stale_after_s
     state = replace(
         state,
         measured_rad=tuple(inside.tolist()),
-        measured_ns=now_ns,
+        measured_ns=joints.oldest_ns,
         reports=state.reports or reports,
         silent=False,
         holding_since_ns=now_ns if state.silent else state.holding_since_ns,

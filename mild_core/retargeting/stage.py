@@ -20,6 +20,7 @@ from functools import cached_property
 
 import numpy as np
 
+from mild_core.joint_measurements import JointMerger
 from mild_core.retargeting.arm_following import ArmFollower, arm_follower
 from mild_core.retargeting.contact import Contact, stiffness
 from mild_core.retargeting.guard import NOBODY, TOO_FAST, Body, Guard, body_of
@@ -27,7 +28,7 @@ from mild_core.retargeting.life import person_present, situation, with_rest
 from mild_core.retargeting.limiter import JointMotion, Joints, Limiter, NoPlanError
 from mild_core.retargeting.modes import Mode, next_mode
 from mild_core.retargeting.person import LOST_S, SHIFT_M_S, Standing
-from mild_core.retargeting.reception import take_measurement, take_motion, take_person, take_request
+from mild_core.retargeting.reception import joint_merger, take_measurement, take_motion, take_person, take_request
 from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.retargeting.state import Request, RetargetingState
@@ -74,6 +75,7 @@ class Retargeting:
     _limiter: Limiter = field(init=False, repr=False)
     _slow: Limiter = field(init=False, repr=False)
     _guard: Guard = field(init=False, repr=False)
+    _merger: JointMerger = field(init=False, repr=False)
     _contact: Contact | None = field(init=False, repr=False)
     _lower: FloatArray = field(init=False, repr=False)
     _upper: FloatArray = field(init=False, repr=False)
@@ -89,6 +91,7 @@ class Retargeting:
         object.__setattr__(self, "_upper", robot.upper_rad - margin)
         object.__setattr__(self, "_home", self._inside(robot.home_rad))
         object.__setattr__(self, "_guard", Guard(robot, self.settings))
+        object.__setattr__(self, "_merger", joint_merger(robot, self.settings))
         touches = self.settings.ik != "off" and self.standing is not None
         object.__setattr__(self, "_contact", Contact(robot, self.settings.ik, margin) if touches else None)
 
@@ -112,7 +115,7 @@ class Retargeting:
         if isinstance(given, PersonPose):
             return take_person(state, given, self.settings, now_ns), ()
         if isinstance(given, JointMeasurement):
-            return take_measurement(state, given, self.robot, self.settings, now_ns), ()
+            return take_measurement(state, given, self._merger, self.robot, self.settings, now_ns), ()
         state = take_request(state, given, now_ns)
         return self._command(state, now_ns) if given.kind == "hold" else (state, ())
 
@@ -123,6 +126,8 @@ class Retargeting:
             return state, ()
         if state.mode is Mode.DISABLED and motion.resting:
             return replace(state, commanded_ns=None), ()
+        if state.commanded_ns is None and motion.resting and state.joints.disagree(now_ns):
+            return state, ()  # nobody knows where the first command would have to begin
         elapsed_s = 0.0 if state.commanded_ns is None else (now_ns - state.commanded_ns) * 1e-9
         if elapsed_s > self.settings.max_gap_s:
             state, elapsed_s = after_gap(state, motion, now_ns), 0.0

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from mild_core.joint_measurements import JointTracks
 from mild_core.retargeting.contact import Touch
 from mild_core.retargeting.limiter import JointMotion, Joints
 from mild_core.retargeting.modes import Mode
@@ -43,8 +44,9 @@ class RetargetingState:
         pursuit: The way onto the plan; None unless following, and where it starts anew.
         unknown_since_ns: When the model ceased to know what the person does; None while it knows.
         holding_since_ns: When holding began.
-        measured_rad: The robot's newest own word on where it is: J positions ...
-        measured_ns: ... and when it came; None before the first.
+        joints: The robot's own word on where it is, joint by joint.
+        measured_rad: The merged pose of all joints that is believed: J positions ...
+        measured_ns: ... and when the oldest of them came; None before the first.
         reports: Whether it says so again and again; a bag may hold a single word.
         silent: Whether it has ceased to.
         displaced_since_ns: When the robot was first seen far from its command; None while it is near.
@@ -57,6 +59,7 @@ class RetargetingState:
         near_m: How near the robot's hand was to the person at the newest command that moves.
         counts: Events by reason since the start.
         outcome: What became of the newest input: a key of `counts`.
+        detail: Why that input was not used, for people; "" when it was.
     """
 
     mode: Mode = Mode.WAITING
@@ -69,6 +72,7 @@ class RetargetingState:
     pursuit: Pursuit | None = None
     unknown_since_ns: int | None = None
     holding_since_ns: int = 0
+    joints: JointTracks = field(default_factory=JointTracks)
     measured_rad: Joints = ()
     measured_ns: int | None = None
     reports: bool = False
@@ -83,6 +87,7 @@ class RetargetingState:
     near_m: float = math.inf
     counts: Mapping[str, int] = field(default_factory=dict)
     outcome: str = ""
+    detail: str = ""
 
     def with_sight(self, now_ns: int) -> RetargetingState:
         """The newest pose taken into account, if it came before now.
@@ -98,9 +103,9 @@ class RetargetingState:
         """One more event of `reason`."""
         return replace(self, counts=self._one_more(reason))
 
-    def ended(self, outcome: str) -> RetargetingState:
+    def ended(self, outcome: str, detail: str = "") -> RetargetingState:
         """One more input that ended in `outcome`."""
-        return replace(self, counts=self._one_more(outcome), outcome=outcome)
+        return replace(self, counts=self._one_more(outcome), outcome=outcome, detail=detail)
 
     def _one_more(self, reason: str) -> dict[str, int]:
         return {**self.counts, reason: self.counts.get(reason, 0) + 1}

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from mild_core.joint_measurements import JointTracks
 from mild_core.retargeting.limiter import JointMotion
 from mild_core.retargeting.modes import Mode
 from mild_core.retargeting.settings import RetargetingSettings
@@ -65,6 +66,7 @@ def after_time_jump(state: RetargetingState, now_ns: int) -> RetargetingState:
         pursuit=None,
         unknown_since_ns=None,
         displaced_since_ns=None,
+        joints=JointTracks(),
         measured_ns=None if state.measured_ns is None else now_ns,
         person=None,
         sight=None,

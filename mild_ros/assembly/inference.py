@@ -7,6 +7,7 @@ import numpy as np
 
 from mild_core.inference.model import MildModel, load_model
 from mild_core.inference.stage import Inference
+from mild_core.retargeting.robots import ROBOTS
 from mild_core.signals import FeatureWindow
 from mild_ros.settings import InferenceParameters
 from mild_ros.share import model_folder
@@ -27,7 +28,10 @@ def make_inference(parameters: InferenceParameters, model: MildModel) -> Inferen
     Raises:
         SetupError: The model knows no such interaction.
     """
-    stage, manifest = Inference(model, parameters.interaction), model.manifest
+    manifest = model.manifest
+    robot = ROBOTS.get(manifest.controlled.robot)
+    ours = robot is not None and robot.joint_names == manifest.controlled.joint_names
+    stage = Inference(model, parameters.interaction, tuple(robot.velocity_rad_s.tolist()) if ours else ())
     values, names = 3 if manifest.features == "positions" else 6, manifest.observed.joint_names
     still = FeatureWindow(0, "", names, np.zeros((manifest.window, values * len(names))))
     stage.step(stage.init(), still, 0)

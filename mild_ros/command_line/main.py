@@ -13,6 +13,7 @@ from typing import Any
 import typer
 
 from mild_core.errors import MildError
+from mild_core.printable import printable_lines
 
 COMMANDS = {
     "demo": "The main job on a bag we ship: tracker messages in, a simulated robot moves, results to look at.",
@@ -35,7 +36,7 @@ FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 def _say(line: str) -> None:
-    print(f"mild: {line}", file=sys.stderr)
+    print(printable_lines(f"mild: {line}"), file=sys.stderr)
 
 
 def _in_one_line(command: Callable[..., Any]) -> Callable[..., None]:

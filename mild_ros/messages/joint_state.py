@@ -31,6 +31,8 @@ def joint_command_from_msg(message: Any) -> JointCommand:
         DataError: `wrong_layout` when names and values differ in number, `not_finite` when a value is.
     """
     names, positions = _positions(message)
+    if not np.isfinite(positions).all():
+        raise DataError("not_finite", f"the position of {names[int(np.argmin(np.isfinite(positions)))]}")
     velocities = np.asarray(message.velocity, dtype=np.float64)
     if velocities.size == 0:
         velocities = np.zeros(len(names))
@@ -47,10 +49,10 @@ def joint_measurement_to_msg(measurement: JointMeasurement) -> JointState:
 
 
 def joint_measurement_from_msg(message: Any) -> JointMeasurement:
-    """The measurement in a message; other joints than ours may be among the names.
+    """The measurement in a message; other joints than ours may be among the names, and not finite.
 
     Raises:
-        DataError: `wrong_layout` when names and positions differ in number, `not_finite` when a position is.
+        DataError: `wrong_layout` when names and positions differ in number.
     """
     names, positions = _positions(message)
     return JointMeasurement(ns_from_msg(message.header.stamp), names, positions)
@@ -61,6 +63,4 @@ def _positions(message: Any) -> tuple[tuple[str, ...], FloatArray]:
     positions = np.asarray(message.position, dtype=np.float64)
     if positions.size != len(names) or not names:
         raise DataError("wrong_layout", f"{len(names)} joint names with {positions.size} positions")
-    if not np.isfinite(positions).all():
-        raise DataError("not_finite", f"the position of {names[int(np.argmin(np.isfinite(positions)))]}")
     return names, positions

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -141,6 +142,10 @@ def _track(bag: BagReader, topic: str, read: Callable[[Any], Any]) -> JointTrack
             value = read(message)
         except DataError:
             continue
+        if isinstance(value, JointMeasurement):  # others' joints may be anything
+            finite = np.isfinite(value.positions_rad)
+            names = tuple(itertools.compress(value.joint_names, finite))
+            value = JointMeasurement(value.stamp_ns, names, value.positions_rad[finite])
         if not values or value.joint_names == values[0].joint_names:
             arrived.append(raw.time_ns)
             values.append(value)

@@ -212,8 +212,6 @@ def test_a_command_without_velocities_stands_still():
     [
         (JointState(), "wrong_layout"),
         (JointState(name=["a", "b"], position=[1.0]), "wrong_layout"),
-        (JointState(name=["a"], position=[float("nan")]), "not_finite"),
-        (JointState(name=["a"], position=[float("inf")]), "not_finite"),
     ],
 )
 def test_joint_states_that_say_nothing_are_bad_data(message, reason):
@@ -221,6 +219,14 @@ def test_joint_states_that_say_nothing_are_bad_data(message, reason):
         with pytest.raises(DataError) as caught:
             read(message)
         assert caught.value.reason == reason
+
+
+@pytest.mark.parametrize("position", [float("nan"), float("inf")])
+def test_only_a_command_has_to_be_finite_in_every_joint(position):
+    message = JointState(name=["a"], position=[position])
+    np.testing.assert_array_equal(joint_measurement_from_msg(message).positions_rad, [position])
+    with pytest.raises(DataError, match="not_finite"):
+        joint_command_from_msg(message)
 
 
 @ROADS

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rclpy.node import Node
 from sensor_msgs.msg import JointState, PointCloud2
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
@@ -149,6 +150,27 @@ def test_it_stops_when_somebody_else_commands(start: Callable[..., NodeProcess],
     bench.probe.until(lambda: len(bench.commands) > count, "commands again")
 
 
+def test_publishers_of_joint_states_that_disagree_hold_the_robot_and_are_named(
+    start: Callable[..., NodeProcess], bench: Motions
+) -> None:
+    start("retargeting")
+    bench.connect()
+    follow(bench, TARGET, lambda: bench.commands_reach(TARGET), "the target reached")
+    other = Node("publisher_of_zeros", context=bench.probe.node.context)
+    wrong = other.create_publisher(JointState, "joint_states", 10)
+
+    def contradict() -> None:
+        bench.move(TARGET)
+        bench.obey()
+        wrong.publish(JointState(name=list(YUMI.joint_names), position=[-0.1] * 7))
+
+    named = "two publishers of joint_states disagree: /probe, /publisher_of_zeros"
+    values = bench.until_status(ERROR, named, contradict)
+    other.destroy_node()
+    assert values["mode"] == "holding"
+    assert int(values["retargeting joint_states_disagree"]) == 1
+
+
 def test_bad_input_is_counted_by_its_reason(start: Callable[..., NodeProcess], bench: Motions) -> None:
     node = start("retargeting")
     bench.connect()
@@ -157,7 +179,7 @@ def test_bad_input_is_counted_by_its_reason(start: Callable[..., NodeProcess], b
     bench.states.publish(JointState(name=["somebody_else"], position=[0.0]))
     bench.measure(YUMI.upper_rad + 1.0)
     bench.until_counted(
-        "messages not_finite", "messages wrong_layout", "retargeting joints_missing", "retargeting outside_limits"
+        "retargeting not_finite", "messages wrong_layout", "retargeting joints_missing", "retargeting outside_limits"
     )
     assert bench.commands == []
     bench.measure()

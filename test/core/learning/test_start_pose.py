@@ -137,14 +137,15 @@ def test_the_start_is_taken_while_nobody_is_answered(model):
 @pytest.mark.parametrize(
     ("given", "reason"),
     [
-        (measured([0.1, 0.2], names=TRIALS[0].controlled_names[:2]), "joints_missing"),
+        (measured([0.9, 0.2], names=TRIALS[0].controlled_names[:2]), "joints_missing"),
         (measured([0.1, np.nan, 0.2]), "not_finite"),
+        (measured([0.1, 0.2, 2.3]), "doubted"),
     ],
 )
 def test_what_tells_no_pose_is_counted_and_changes_nothing(model, given, reason):
     stage = Inference(model, TWO[0])
     before, _ = stage.step(stage.init(), measured([0.1, 0.2, 0.3]), 0)
-    state, motions = stage.step(before, given, 0)
+    state, motions = stage.step(before, given, 10**10 if reason == "joints_missing" else 0)
     assert (state.outcome, motions, dict(state.counts)) == (reason, (), {reason: 1})
     np.testing.assert_array_equal(state.start, before.start)
 
