@@ -6,6 +6,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from difflib import get_close_matches
 
+from mild_core.printable import printable
+
+THING_LIMIT, PROBLEM_LIMIT = 500, 1500
+"""Characters of a part of an error that are shown: paths are long, foreign names may be endless."""
+
 
 class MildError(Exception):
     """Root of every error that mild_ros raises on purpose."""
@@ -22,7 +27,9 @@ class SetupError(MildError):
 
     def __init__(self, thing: str, problem: str, remedy: str) -> None:
         self.thing, self.problem, self.remedy = thing, problem, remedy
-        super().__init__(" ".join(f"{thing}: {problem}; {remedy}".split()))
+        parts = ((thing, THING_LIMIT), (problem, PROBLEM_LIMIT), (remedy, PROBLEM_LIMIT))
+        shown = [printable(" ".join(part[: 2 * limit].split()), limit) for part, limit in parts]
+        super().__init__("{}: {}; {}".format(*shown))
 
     def __reduce__(self) -> tuple[type[SetupError], tuple[str, str, str]]:
         """Lets the error come back whole from another process."""
@@ -50,13 +57,13 @@ class DataError(MildError):
     """
 
     def __init__(self, reason: str, detail: str) -> None:
-        self.reason, self.detail = reason, detail
-        super().__init__(f"{reason}: {detail}")
+        self.reason, self.detail = reason, printable(detail, PROBLEM_LIMIT)
+        super().__init__(f"{reason}: {self.detail}")
 
 
 def unknown_name(thing: str, name: str, known: Iterable[str]) -> SetupError:
     """The error for a name that is in no table: lists the names that would have worked, the likeliest first."""
     names = list(known)
-    close = get_close_matches(name, names, n=1)
+    close = get_close_matches(name[:THING_LIMIT], names, n=1)
     hint = f"did you mean '{close[0]}'? " if close else ""
     return SetupError(thing, f"'{name}' is unknown", f"{hint}use one of {', '.join(names) or '(none)'}")

@@ -93,6 +93,11 @@ class JointTracks:
         return len(doubted) == DISAGREE_COUNT and (now_ns - doubted[0]) * 1e-9 <= DISAGREE_WITHIN_S
 
     @property
+    def newest_ns(self) -> int:
+        """When the newest message came that was believed or doubted; 0 before the first."""
+        return max([*self.doubted_ns, *(heard.received_ns for heard in self.believed if heard is not None)], default=0)
+
+    @property
     def oldest_ns(self) -> int:
         """When the joint came of which nothing newer is known."""
         return min(heard.received_ns for heard in self.believed if heard is not None)

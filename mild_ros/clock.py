@@ -8,6 +8,7 @@ messages, and control ticks when that passes a point of the time grid: never by 
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -55,6 +56,7 @@ class NodeClock:
         diagnostics: Where a missing `/clock` is told.
         on_tick: Called with now [ns] at each tick; None when the node needs none.
         rate_hz: Ticks per second.
+        timer: Whether a timer of the node ticks when it is live; otherwise whoever made this does.
     """
 
     def __init__(
@@ -63,25 +65,35 @@ class NodeClock:
         diagnostics: Diagnostics,
         on_tick: Callable[[int], None] | None = None,
         rate_hz: float = 100.0,
+        timer: bool = True,
     ) -> None:
         self.simulated: bool = node.get_parameter("use_sim_time").value
         self._clock = node.get_clock()
-        self._simulated_ns = 0
+        self._simulated_ns, self._advanced_s = 0, time.monotonic()
         self._on_tick, self._diagnostics = on_tick, diagnostics
         self._grid = ControlGrid(round(NANOSECONDS_PER_SECOND / rate_hz))
         if self.simulated:
             diagnostics.expect("/clock")
             node.create_subscription(Clock, "/clock", self._on_clock, CLOCK)
-        elif on_tick is not None:
+        elif on_tick is not None and timer:
             node.create_timer(1.0 / rate_hz, lambda: on_tick(self.now_ns()), clock=steady_clock())
 
     def now_ns(self) -> int:
         """Now; 0 before the first `/clock` message of a simulation."""
         return self._simulated_ns if self.simulated else int(self._clock.now().nanoseconds)
 
+    def standstill_s(self) -> float:
+        """For how long `/clock` has told the same time, or nothing, on the steady clock."""
+        return time.monotonic() - self._advanced_s
+
     def _on_clock(self, message: Any) -> None:
-        self._simulated_ns = ns_from_msg(message.clock)
         self._diagnostics.flowed("/clock")
+        clock_ns = ns_from_msg(message.clock)
+        if clock_ns < 0:
+            self._diagnostics.unreadable("/clock", "negative_time", f"{clock_ns * 1e-9:.3f} s")
+            return
+        if clock_ns != self._simulated_ns:
+            self._simulated_ns, self._advanced_s = clock_ns, time.monotonic()
         if self._on_tick is not None and self._grid.due(self._simulated_ns):
             self._on_tick(self._simulated_ns)
 

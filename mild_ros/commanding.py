@@ -3,11 +3,11 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
@@ -17,8 +17,9 @@ from mild_ros.controller_topics import ControllerTopics
 from mild_ros.diagnostics import Diagnostics
 from mild_ros.joint_naming import joint_naming
 from mild_ros.messages.joint_state import joint_command_to_msg, joint_measurement_from_msg
-from mild_ros.quality_of_service import COMMAND
+from mild_ros.quality_of_service import COMMAND, SERVICE
 from mild_ros.settings import RetargetingParameters
+from mild_ros.threads import StageNode
 
 TOPIC = "joint_command"
 
@@ -30,17 +31,38 @@ ATTENTION = {
 """Modes that an operator should know the reason of."""
 
 
+SILENT = {
+    "operator": "",
+    "discovery": "waits until every other publisher of commands would have been seen",
+    "contest": "",
+    "end": "this node ends",
+    "time": "/clock stands still: the robot was stopped, and goes on when time does",
+}
+"""Reasons to send no commands, and what is said of them; the operator's is said by the mode."""
+
+DISCOVERY_S = 3.0
+"""For so long after the start another publisher may be unseen: DDS announces five times at the start and then every
+three seconds, and on a busy machine discovery took 2.2 s. Loading a model takes most of that time anyway ..."""
+
+SETTLE_S = 0.5
+"""... and for so long after this node has made its publishers, one that starts at the same time may not see them."""
+
+
 class Commanding:
     """The publisher of commands, and the reasons not to use it.
 
-    Two publishers of commands would pull the robot to and fro. As soon as another one is seen, this one stops the
-    robot smoothly and falls silent, says so, and goes on when the other is gone. DDS may need two seconds to see a
-    new one and twenty to miss one that was killed.
+    Two publishers of commands would pull the robot to and fro. So before the first command discovery is awaited, and
+    before each one the publishers on its topics are counted. As soon as there is another one, this node stops the
+    robot smoothly and falls silent, says so, and goes on when the other is gone. Of two nodes of ours neither sends
+    while both are there, whoever came first: nobody knows which of them the operator means. DDS may need twenty
+    seconds to miss one that was killed.
 
     Args:
         node: Who commands.
         diagnostics: Where reasons are told.
-        request: Hands an operator's request to the stages.
+        request: Hands a request to retargeting; to be called by control alone.
+        call: Does something in the thread of control, and returns what comes of it.
+        on_reset: Resets the stages before retargeting.
         parameters: Whether the operator wants commands from the start, in which forms, and the robot's joint names.
         stage: What makes the commands.
 
@@ -50,19 +72,33 @@ class Commanding:
 
     def __init__(
         self,
-        node: Node,
+        node: StageNode,
         diagnostics: Diagnostics,
-        request: Callable[[Request], None],
+        request: Callable[[Request], object],
+        call: Callable[[Callable[[], Any]], Any],
+        on_reset: Callable[[], None],
         parameters: RetargetingParameters,
         stage: Retargeting,
     ) -> None:
-        self._node, self._diagnostics, self._request, self._enabled = node, diagnostics, request, parameters.enabled
-        self._contested = False
+        self._node, self._diagnostics, self._request, self._call = node, diagnostics, request, call
+        self._on_reset_before, self._in_order = on_reset, node.is_in_order
+        # In lock-step each message is waited for, and nothing moves but a replay.
+        self._reasons = set() if self._in_order else {"discovery"}
+        self._reasons |= set() if parameters.enabled else {"operator"}
+        self._others: tuple[int, str] = (0, "")
+        self._newest_s: float | None = None
         self._naming = joint_naming(stage.robot.joint_names, parameters.robot_joint_names)
         self._controllers = ControllerTopics(node, parameters, stage, self._naming)
         self._publisher = node.create_publisher(JointState, TOPIC, COMMAND)
-        node.create_service(SetBool, "~/enable", self._on_enable)
-        node.create_service(Trigger, "~/reset", self._on_reset)
+        self._topics = [node.resolve_topic_name(topic) for topic in (TOPIC, *self._controllers.topics)]
+        self._discovered_s = max(node.started_s + DISCOVERY_S, time.monotonic() + SETTLE_S)
+        node.create_service(SetBool, "~/enable", self._on_enable, qos_profile=SERVICE)
+        node.create_service(Trigger, "~/reset", self._on_reset, qos_profile=SERVICE)
+
+    @property
+    def silent(self) -> bool:
+        """Whether no commands are to be sent."""
+        return bool(self._reasons)
 
     def measured(self, message: Any) -> JointMeasurement:
         """Where the robot is, with our names of its joints.
@@ -79,26 +115,45 @@ class Commanding:
             self._diagnostics.flowed(TOPIC)
         if commands:
             self._controllers.send(commands[-1], state)
+            now_s = time.monotonic()
+            if self._newest_s is not None and state.commanded_ns is not None:
+                self._diagnostics.took("gap of joint_command", round((now_s - self._newest_s) * 1e9))
+            self._newest_s = now_s
+        elif state.commanded_ns is None:
+            self._newest_s = None
 
-    def look_for_others(self) -> None:
-        """Stop while there are other publishers; once a second is enough."""
-        topics = (TOPIC, *self._controllers.topics)
-        others, topic = max((self._node.count_publishers(topic) - 1, topic) for topic in topics)
-        if (others > 0) != self._contested:
-            self._contested = others > 0
-            if self._contested:
-                self._node.get_logger().error(f"{self._contest(others, topic)}: stopping")
-            if self._enabled:
-                self._request(Request("disable" if self._contested else "enable"))
-        self._diagnostics.alarms.pop("contest", None)
-        if self._contested:
-            self._diagnostics.alarms["contest"] = (DiagnosticStatus.ERROR, self._contest(others, topic))
+    def stop(self, reason: str) -> None:
+        """Stop the robot smoothly and send nothing until `go_on`; by control alone, as all that follows."""
+        was_silent = self.silent
+        self._reasons.add(reason)
+        if not was_silent:
+            self._request(Request("disable"))
 
-    def tell(self, state: RetargetingState, now_ns: int) -> None:
+    def go_on(self, reason: str) -> None:
+        """A reason to be silent has gone."""
+        was_silent = self.silent
+        self._reasons.discard(reason)
+        if was_silent and not self.silent:
+            self._request(Request("enable"))
+
+    def watch(self) -> None:
+        """See who else publishes commands: before each command, and in lock-step once a second; 5 µs for a topic."""
+        others, topic = max((self._node.count_publishers(topic) - 1, topic) for topic in self._topics)
+        if (others > 0) != ("contest" in self._reasons):
+            self._others = (others, topic)
+            if others > 0:
+                self.stop("contest")
+                self._node.get_logger().error(f"{self._contest()}: stopping")
+            else:
+                self.go_on("contest")
+        if "discovery" in self._reasons and time.monotonic() >= self._discovered_s:
+            self.go_on("discovery")
+
+    def tell(self, state: RetargetingState) -> None:
         """Say what retargeting does and why."""
         alarms = self._diagnostics.alarms
         alarms.pop("mode", None)
-        if state.joints.disagree(now_ns):
+        if state.joints.disagree(state.joints.newest_ns):
             alarms["mode"] = (DiagnosticStatus.ERROR, f"holding: {self._contradiction()}")
         elif state.displaced:
             alarms["mode"] = (DiagnosticStatus.WARN, "holding: the robot is not where it was told to be")
@@ -106,8 +161,31 @@ class Commanding:
             alarms["mode"] = (DiagnosticStatus.WARN, "holding: the robot has ceased to say where it is")
         elif state.mode in ATTENTION:
             alarms["mode"] = (DiagnosticStatus.WARN, ATTENTION[state.mode])
+        for reason, text in SILENT.items():
+            alarms.pop(reason, None)
+            if reason in self._reasons and reason != "operator":
+                level = DiagnosticStatus.WARN if reason == "discovery" else DiagnosticStatus.ERROR
+                alarms[reason] = (level, text or self._contest())
         self._diagnostics.facts["mode"] = state.mode.value
         self._diagnostics.summary = state.mode.value
+
+    def _contest(self) -> str:
+        others, topic = self._others
+        who = f"{others} other publisher{'s' if others > 1 else ''} on {topic}"
+        own = self._node.get_fully_qualified_name()
+        names = [
+            f"{found.node_namespace.rstrip('/')}/{found.node_name}"
+            for found in self._node.get_publishers_info_by_topic(topic)
+        ]
+        if own in names:
+            names.remove(own)
+        return f"{who}: this node sends no commands while {', '.join(names) or 'it'} may ({own} is this node)"
+
+    def _set_enabled(self, wanted: bool) -> None:
+        if wanted:
+            self.go_on("operator")
+        else:
+            self.stop("operator")
 
     def _contradiction(self) -> str:
         """Who says that the robot is in two places."""
@@ -118,21 +196,25 @@ class Commanding:
             return f"{count} publishers of joint_states disagree: {names}"
         return f"joint_states contradict each other{names and f' (from {names})'}: a joint cannot move so fast"
 
-    def _contest(self, others: int, topic: str) -> str:
-        topic = self._node.resolve_topic_name(topic)
-        return f"{others} other publisher{'s' if others > 1 else ''} on {topic}: this node sends no commands"
-
     def _on_enable(self, wish: Any, answer: Any) -> Any:
-        self._enabled = bool(wish.data)
-        answer.success = not (self._enabled and self._contested)
-        answer.message = "enabled" if self._enabled else "disabled: stops smoothly, then sends nothing"
+        wanted = bool(wish.data)
+        try:
+            self._call(lambda: self._set_enabled(wanted))
+        except TimeoutError as error:
+            answer.success, answer.message = False, str(error)
+            return answer
+        answer.success = not (wanted and "contest" in self._reasons)
+        answer.message = "enabled" if wanted else "disabled: stops smoothly, then sends nothing"
         if not answer.success:
             answer.message = "will go on when no other node publishes commands"
-        elif not self._contested:
-            self._request(Request("enable" if self._enabled else "disable"))
         return answer
 
     def _on_reset(self, _wish: Any, answer: Any) -> Any:
-        self._request(Request("reset"))
+        try:
+            self._on_reset_before()
+            self._call(lambda: self._request(Request("reset")))
+        except TimeoutError as error:
+            answer.success, answer.message = False, str(error)
+            return answer
         answer.success, answer.message = True, "forgot everything; stops smoothly and goes home"
         return answer

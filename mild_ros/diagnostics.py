@@ -3,14 +3,16 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.node import Node
 
+from mild_core.printable import printable, printable_lines
 from mild_ros.clock import steady_clock
+from mild_ros.guarded import GuardedNode
 from mild_ros.measuring import Spread, Stream
 from mild_ros.messages.stamps import time_to_msg
 
@@ -20,6 +22,9 @@ SILENCE_S = 1.0
 
 REPEAT_S = 5.0
 """The same complaint is logged again no sooner than this."""
+
+FAILURE_S = 10.0
+"""A failure of a callback is an ERROR for so long."""
 
 UNREMARKABLE = {
     "perception": {"accepted", "calibrating", "calibrated", "nobody"},
@@ -42,7 +47,7 @@ class Diagnostics:
 
     def __init__(
         self,
-        node: Node,
+        node: GuardedNode,
         expected: tuple[str, ...],
         hardware_id: str = "",
         look: Callable[[], None] = lambda: None,
@@ -51,14 +56,18 @@ class Diagnostics:
         self.alarms: dict[str, tuple[bytes, str]] = {}
         self.summary = "ready"
         self.newest_detail = ""
+        self._lock = threading.RLock()  # reception, control and the executor are threads of their own
         self._node, self._expected, self._hardware_id, self._look = node, expected, hardware_id, look
         self._streams: dict[str, Stream] = {name: Stream() for name in expected}
         self._spreads: dict[str, Spread] = {}
         self._counts: dict[str, Mapping[str, int]] = {}
         self._unusable: Counter[str] = Counter()
         self._unreadable: Counter[str] = Counter()
+        self._superseded: Counter[str] = Counter()
         self._complained_s: dict[str, float] = {}
         self._reported_s = self._started_s = time.monotonic()
+        self._failures: dict[str, float] = {}
+        node.on_failed = self.failed
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         node.create_timer(PERIOD_S, self._report, clock=steady_clock())
 
@@ -69,19 +78,28 @@ class Diagnostics:
 
     def flowed(self, topic: str, stamp_ns: int | None = None) -> None:
         """A message came or went; with its stamp, losses before it are told."""
-        self._streams.setdefault(topic, Stream()).add(time.monotonic(), stamp_ns)
+        with self._lock:
+            self._streams.setdefault(topic, Stream()).add(time.monotonic(), stamp_ns)
 
     def took(self, what: str, duration_ns: int) -> None:
         """Something took a time or had an age."""
-        self._spreads.setdefault(what, Spread()).add(duration_ns)
+        with self._lock:
+            self._spreads.setdefault(what, Spread()).add(duration_ns)
+
+    def superseded(self, what: str, number: int) -> None:
+        """Messages were dropped, as newer ones came before they could be used."""
+        with self._lock:
+            self._superseded[what] += number
+            self._counts["superseded"] = self._superseded
 
     def ended(self, stage: str, outcome: str, counts: Mapping[str, int], detail: str = "") -> None:
         """A stage is done with an input."""
-        self._counts[stage] = counts
-        if outcome not in UNREMARKABLE[stage]:
-            self.newest_detail = f"{outcome}: {detail}" if detail else self.newest_detail
-            self._unusable[f"{stage} {outcome}"] += 1
-            self.complain(f"{stage} {outcome}", detail)
+        with self._lock:
+            self._counts[stage] = counts
+            if outcome not in UNREMARKABLE[stage]:
+                self.newest_detail = f"{outcome}: {detail}" if detail else self.newest_detail
+                self._unusable[f"{stage} {outcome}"] += 1
+                self.complain(f"{stage} {outcome}", detail)
 
     def usable(self, stage: str) -> int:
         """How many inputs of a stage there were that need no warning."""
@@ -89,37 +107,48 @@ class Diagnostics:
 
     def unreadable(self, topic: str, reason: str, detail: str) -> None:
         """A message could not even be read."""
-        self._unreadable[reason] += 1
-        self._counts["messages"] = self._unreadable
-        self._unusable[f"{topic} {reason}"] += 1
-        self.newest_detail = f"{reason}: {detail}"
-        self.complain(f"{topic} {reason}", detail)
+        with self._lock:
+            self._unreadable[reason] += 1
+            self._counts["messages"] = self._unreadable
+            self._unusable[f"{topic} {reason}"] += 1
+            self.newest_detail = f"{reason}: {detail}"
+            self.complain(f"{topic} {reason}", detail)
+
+    def failed(self, where: str, reason: str, detail: str) -> None:
+        """A callback raised what nobody foresaw, see `guarded`: an ERROR for a while, beside the count."""
+        self.unreadable(where, reason, detail)
+        with self._lock:
+            self._failures[printable(f"{where} {detail}", 160)] = time.monotonic()
 
     def complain(self, about: str, detail: str = "") -> None:
         """Log a warning, but the same one not all the time."""
         now_s = time.monotonic()
         if now_s - self._complained_s.get(about, -REPEAT_S) >= REPEAT_S:
             self._complained_s[about] = now_s
-            self._node.get_logger().warning(f"{about}: {detail}" if detail else about)
+            self._node.get_logger().warning(printable(f"{about}: {detail}" if detail else about))
 
     def _report(self) -> None:
         self._look()
         now_s = time.monotonic()
-        level, problems = self._judged(now_s)
+        with self._lock:
+            level, problems = self._judged(now_s)
+            values = self._values(now_s)
+            self._unusable.clear()
         message = "; ".join(problems) or self.summary
-        status = DiagnosticStatus(level=level, message=message, hardware_id=self._hardware_id)
+        status = DiagnosticStatus(level=level, message=printable_lines(message), hardware_id=self._hardware_id)
         status.name = self._node.get_fully_qualified_name().lstrip("/")
-        status.values = [KeyValue(key=key, value=value) for key, value in self._values(now_s).items()]
+        status.values = [KeyValue(key=printable(key), value=printable(value)) for key, value in values.items()]
         stamp = time_to_msg(self._node.get_clock().now().nanoseconds)
         array = DiagnosticArray(status=[status])
         array.header.stamp = stamp
         self._publisher.publish(array)
         self._reported_s = now_s
-        self._unusable.clear()
 
     def _judged(self, now_s: float) -> tuple[bytes, list[str]]:
         """The level and what is wrong, the worst first."""
         found = list(self.alarms.values())
+        self._failures = {text: when for text, when in self._failures.items() if now_s - when <= FAILURE_S}
+        found += [(DiagnosticStatus.ERROR, f"failed: {text}") for text in self._failures]
         for topic in self._expected:
             newest_s = self._streams[topic].newest_s
             silent_s = now_s - (self._started_s if newest_s is None else newest_s)

@@ -3,9 +3,9 @@
 
 from __future__ import annotations
 
-from rclpy.node import Node
 from std_msgs.msg import Header
 
+from mild_ros.guarded import UNUSABLE, GuardedNode
 from mild_ros.messages.handled import Handled, handled_to_msg
 from mild_ros.quality_of_service import FATE
 
@@ -18,8 +18,9 @@ class Fates:
         wanted: Whether to publish them at all.
     """
 
-    def __init__(self, node: Node, wanted: bool) -> None:
+    def __init__(self, node: GuardedNode, wanted: bool) -> None:
         self._publisher = node.create_publisher(Header, "handled", FATE) if wanted else None
+        node.on_lost = lambda: self.report(node.executable, 0, UNUSABLE, node.get_clock().now().nanoseconds)
 
     def report(self, stage: str, outputs: int, outcome: str, stamp_ns: int) -> None:
         """An input is done with: how many outputs it had and how it ended."""

@@ -6,7 +6,6 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from rclpy.node import Node
 from sensor_msgs.msg import JointState, PointCloud2
 
 from mild_core.errors import DataError
@@ -22,11 +21,13 @@ from mild_ros.motion_topics import MotionTopics
 from mild_ros.operator_services import OperatorServices
 from mild_ros.parameters import declare
 from mild_ros.quality_of_service import BETWEEN_STAGES, SENSOR
+from mild_ros.reception import JOINTS_KEPT, Reception
 from mild_ros.running import run
 from mild_ros.settings import InferenceParameters
+from mild_ros.threads import StageNode
 
 
-class InferenceNode(Node):
+class InferenceNode(StageNode):
     """The inference stage and its topics."""
 
     def __init__(self) -> None:
@@ -39,13 +40,14 @@ class InferenceNode(Node):
         self._diagnostics = Diagnostics(self, expected=("feature_window",))
         self._diagnostics.facts["model"] = parameters.model
         self._fates = Fates(self, parameters.report_handled)
+        self._reception = Reception(self, self._diagnostics)
         self._topics = MotionTopics(self, model.manifest, self._diagnostics)
         self._time = NodeClock(self, self._diagnostics)
         self._operator = OperatorServices(self, self._diagnostics, self._reset)
-        self.create_subscription(PointCloud2, "feature_window", self._on_window, BETWEEN_STAGES)
+        self._reception.subscribe(PointCloud2, "feature_window", self._on_window, BETWEEN_STAGES)
         ours = model.manifest.controlled.joint_names
         self._naming = joint_naming(ours, parameters.robot_joint_names if model.start_pose else ())
-        self.create_subscription(JointState, "joint_states", self._on_joint_states, SENSOR)
+        self._reception.subscribe(JointState, "joint_states", self._on_joint_states, SENSOR, kept=JOINTS_KEPT)
         self.get_logger().info(f"{parameters.model} knows {', '.join(model.manifest.interactions)}")
 
     def _on_window(self, message: Any) -> None:
@@ -85,7 +87,8 @@ class InferenceNode(Node):
         self._diagnostics.ended("inference", self._state.outcome, self._state.counts, self._state.detail)
 
     def _reset(self) -> str:
-        self._state = self._stage.afresh(self._state)
+        with self._reception.lock:
+            self._state = self._stage.afresh(self._state)
         return "forgot what it believed"
 
 

@@ -6,16 +6,20 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from rclpy.node import Node
 from std_msgs.msg import Float64, String
 from std_srvs.srv import SetBool
 
+from mild_core.retargeting.modes import Mode
 from mild_core.retargeting.stage import Request, RetargetingState
 from mild_core.signals import JointCommand
-from mild_ros.quality_of_service import LATCHED
+from mild_ros.quality_of_service import LATCHED, SERVICE
+from mild_ros.threads import StageNode
 
 STIFFNESS_STEP = 0.02
 """Smaller changes are not told: nobody feels them."""
+
+HOLDS_AT_ONCE = 16
+"""Requests of `~/hold` that are served in one control period: so many take a tenth of it."""
 
 
 class LifeTopics:
@@ -23,15 +27,26 @@ class LifeTopics:
 
     Args:
         node: Who commands.
-        request: Hands an operator's request to the stages; `hold` leads to a command at once.
+        request: Hands an operator's request to retargeting and returns its state; `hold` leads to a command at once.
+        polled: Whether `serve_hold` serves `~/hold`; otherwise the executor does.
     """
 
-    def __init__(self, node: Node, request: Callable[[Request], None]) -> None:
+    def __init__(self, node: StageNode, request: Callable[[Request], RetargetingState], *, polled: bool) -> None:
         self._request = request
         self._mode, self._stiffness = "", -1.0
         self._modes = node.create_publisher(String, "mode", LATCHED)
         self._hints = node.create_publisher(Float64, "stiffness", LATCHED)
-        node.create_service(SetBool, "~/hold", self._on_hold)
+        self._service = node.create_service(SetBool, "~/hold", self._on_hold, qos_profile=SERVICE)
+        if polled:
+            node.take_over(self._service)
+
+    def serve_hold(self) -> None:
+        """Carry out what has been asked of `~/hold`, a bounded number at a time, and answer it."""
+        for _ in range(HOLDS_AT_ONCE):
+            wish, header = self._service.handle.service_take_request(SetBool.Request)
+            if header is None:
+                return
+            self._service.send_response(self._service.callback(wish, SetBool.Response()), header)
 
     def tell(self, state: RetargetingState, commands: tuple[JointCommand, ...]) -> None:
         """Say what has changed."""
@@ -44,7 +59,16 @@ class LifeTopics:
             self._hints.publish(Float64(data=stiffness))
 
     def _on_hold(self, wish: Any, answer: Any) -> Any:
-        self._request(Request("hold" if wish.data else "release"))
-        answer.success = True
-        answer.message = "held: stops smoothly at once and stays" if wish.data else "released: goes home, then ready"
+        state = self._request(Request("hold" if wish.data else "release"))
+        answer.success = state.held is bool(wish.data)
+        answer.message = f"{'held' if state.held else 'released'}; {mode_reached(state)}"
         return answer
+
+
+def mode_reached(state: RetargetingState) -> str:
+    """What the robot does after an operator's request, for people."""
+    if state.mode is Mode.WAITING:
+        return "waiting: the robot has not said where it is, and no command is sent"
+    if state.motion is None or state.motion.resting:
+        return f"{state.mode.value}: the robot rests"
+    return f"{state.mode.value}: the robot still moves and stops smoothly"

@@ -10,7 +10,6 @@ import time
 from typing import Any
 
 import numpy as np
-from rclpy.node import Node
 from sensor_msgs.msg import JointState, PointCloud2
 from visualization_msgs.msg import MarkerArray
 
@@ -20,6 +19,7 @@ from mild_core.signals import PersonPose
 from mild_ros.assembly.inference import load, make_inference
 from mild_ros.assembly.robot import check_fit, make_robot
 from mild_ros.diagnostics import Diagnostics
+from mild_ros.guarded import GuardedNode
 from mild_ros.marker_settings import MarkersParameters
 from mild_ros.markers import PERSON_COLOUR, Drawing
 from mild_ros.messages.feature_window import feature_window_from_msg
@@ -33,7 +33,7 @@ from mild_ros.settings import InferenceParameters
 PERIOD_S = 0.1
 
 
-class MarkersNode(Node):
+class MarkersNode(GuardedNode):
     """What the pipeline sees and expects, ten times a second."""
 
     def __init__(self) -> None:

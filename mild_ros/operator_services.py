@@ -10,6 +10,7 @@ from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
 from mild_ros.diagnostics import Diagnostics
+from mild_ros.quality_of_service import SERVICE
 
 
 class OperatorServices:
@@ -27,8 +28,8 @@ class OperatorServices:
     def __init__(self, node: Node, diagnostics: Diagnostics, reset: Callable[[], str]) -> None:
         self.enabled = True
         self._diagnostics, self._reset = diagnostics, reset
-        node.create_service(SetBool, "~/enable", self._on_enable)
-        node.create_service(Trigger, "~/reset", self._on_reset)
+        node.create_service(SetBool, "~/enable", self._on_enable, qos_profile=SERVICE)
+        node.create_service(Trigger, "~/reset", self._on_reset, qos_profile=SERVICE)
 
     def _on_enable(self, wish: Any, answer: Any) -> Any:
         self.enabled = bool(wish.data)

@@ -8,7 +8,7 @@ the table in the README. Every parameter is read-only: a node is set up once, an
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -99,7 +99,40 @@ def declare(node: Node, kind: type[Parameters]) -> Parameters:
         value = getattr(parameters, entry.name)
         value = list(value) if isinstance(value, tuple) else value
         node.declare_parameter(entry.name, value, _descriptor(entry), ignore_override=True)
+    _fix_time(node)
     return parameters
+
+
+def _fix_time(node: Node) -> None:
+    """Let the node keep the kind of time with which it started, and rclpy's own clock survive a negative `/clock`.
+
+    rclpy itself lets `use_sim_time` be set at any time, and a moving robot's node would wait for a `/clock` for ever.
+    """
+    from rcl_interfaces.msg import SetParametersResult
+
+    simulated = node.get_parameter(OF_ROS[0]).value
+
+    def refuse(changed: list[Any]) -> Any:
+        for entry in changed:
+            if entry.name == OF_ROS[0] and entry.value is not simulated:
+                reason = f"{OF_ROS[0]} is {str(simulated).lower()} from start to end: start the node again to change it"
+                return SetParametersResult(successful=False, reason=reason)
+        return SetParametersResult(successful=True)
+
+    node.add_on_set_parameters_callback(refuse)
+    for subscription in node.subscriptions:
+        if subscription.topic_name == "/clock":
+            subscription.callback = _without_negative(subscription.callback)
+
+
+def _without_negative(on_clock: Callable[[Any], None]) -> Callable[[Any], None]:
+    """What takes `/clock`, but for negative times, of which rclpy raises out of the executor."""
+
+    def take(message: Any) -> None:
+        if message.clock.sec >= 0:
+            on_clock(message)
+
+    return take
 
 
 def table_markdown(kind: type[Any]) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import time
 
-from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 
 from mild_ros.assembly.perception import make_perception, manifest_of
@@ -18,12 +17,14 @@ from mild_ros.messages.person import person_to_msg
 from mild_ros.operator_services import OperatorServices
 from mild_ros.parameters import declare
 from mild_ros.quality_of_service import BETWEEN_STAGES
+from mild_ros.reception import Reception
 from mild_ros.running import run
 from mild_ros.settings import PerceptionParameters
+from mild_ros.threads import StageNode
 from mild_ros.tracker import Sighting, Tracker
 
 
-class PerceptionNode(Node):
+class PerceptionNode(StageNode):
     """The perception stage and its topics."""
 
     def __init__(self) -> None:
@@ -36,11 +37,12 @@ class PerceptionNode(Node):
         self._diagnostics = Diagnostics(self, expected=("skeleton",), hardware_id=parameters.source)
         self._diagnostics.facts["model"] = parameters.model
         self._fates = Fates(self, parameters.report_handled)
+        self._reception = Reception(self, self._diagnostics)
         self._person = self.create_publisher(PointCloud2, "person", BETWEEN_STAGES)
         self._windows = self.create_publisher(PointCloud2, "feature_window", BETWEEN_STAGES)
         self._time = NodeClock(self, self._diagnostics)
         self._operator = OperatorServices(self, self._diagnostics, self._reset)
-        tracker.listen(self, self._time, self._diagnostics, self._fates, self._on_sight)
+        tracker.listen(self, self._reception, self._time, self._diagnostics, self._fates, self._on_sight)
         self.get_logger().info(f"watching the {parameters.side} arm for {parameters.model}")
 
     def _on_sight(self, sight: Sighting) -> None:
@@ -61,7 +63,8 @@ class PerceptionNode(Node):
         self._diagnostics.summary = self._state.outcome
 
     def _reset(self) -> str:
-        self._state = self._stage.afresh(self._state)
+        with self._reception.lock:
+            self._state = self._stage.afresh(self._state)
         return "stand still for the calibration"
 
 

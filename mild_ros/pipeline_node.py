@@ -6,31 +6,30 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from mild_core.errors import DataError
-from mild_core.pipeline import PipelineInput, PipelineOutput
+from mild_core.pipeline import PipelineInput, PipelineOutput, inputs_of_retargeting
 from mild_core.retargeting.stage import Request
 from mild_ros.assembly.inference import load
 from mild_ros.assembly.pipeline import make_pipeline
 from mild_ros.calibration_file import CalibrationFile
-from mild_ros.clock import NodeClock
-from mild_ros.commanding import Commanding
+from mild_ros.control import Control, Given
 from mild_ros.diagnostics import Diagnostics
 from mild_ros.fates import Fates
-from mild_ros.life_topics import LifeTopics
 from mild_ros.messages.stamps import ns_from_msg
 from mild_ros.motion_topics import InsideTopics, MotionTopics
 from mild_ros.parameters import declare
 from mild_ros.quality_of_service import SENSOR
+from mild_ros.reception import JOINTS_KEPT, Reception
 from mild_ros.running import run
 from mild_ros.settings import PipelineParameters
+from mild_ros.threads import StageNode
 from mild_ros.tracker import Sighting, Tracker
 
 
-class PipelineNode(Node):
-    """The whole system and its topics."""
+class PipelineNode(StageNode):
+    """The whole system and its topics: reception sees the person and infers, control makes the commands."""
 
     def __init__(self) -> None:
         super().__init__("pipeline")
@@ -38,71 +37,61 @@ class PipelineNode(Node):
         tracker = Tracker(parameters, "pipeline")
         model = load(parameters.model)
         self._pipeline = make_pipeline(parameters, model)
-        self._state = self._pipeline.init()
+        self._perception, self._inference = self._pipeline.perception.init(), self._pipeline.inference.init()
         self._calibrations = CalibrationFile(parameters.calibration_file)
-        self._behind_ns = 0
         self._diagnostics = Diagnostics(self, ("skeleton", "joint_states"), parameters.robot, self._look)
         self._diagnostics.facts["model"] = parameters.model
         self._fates = Fates(self, parameters.report_handled)
-        self._commanding = Commanding(self, self._diagnostics, self._request, parameters, self._pipeline.retargeting)
-        self._life = LifeTopics(self, self._request)
+        self._reception = Reception(self, self._diagnostics)
+        stage, ages = self._pipeline.retargeting, ("age of an answer", "age of a tick")
+        self._control = Control(self, stage, parameters, self._diagnostics, self._fates, self._reset, *ages)
+        self._time = self._control.clock
         topics = MotionTopics(self, model.manifest, self._diagnostics)
         self._inside = InsideTopics(self, topics, parameters.publish_intermediate)
-        self._time = NodeClock(self, self._diagnostics, self._on_tick, parameters.control_rate_hz)
-        tracker.listen(self, self._time, self._diagnostics, self._fates, self._on_sight)
-        self.create_subscription(JointState, "joint_states", self._on_joint_states, SENSOR)
+        tracker.listen(self, self._reception, self._time, self._diagnostics, self._fates, self._on_sight)
+        self._reception.subscribe(JointState, "joint_states", self._on_joint_states, SENSOR, kept=JOINTS_KEPT)
         self.get_logger().info(f"{parameters.source} to {parameters.robot} through {parameters.model}")
 
     def _on_sight(self, sight: Sighting) -> None:
-        output = self._step(sight.people, sight.now_ns)
-        self._calibrations.keep(self._state.perception.calibration, self._diagnostics)
+        output = self._observe(sight.people, sight.now_ns)
+        given = inputs_of_retargeting(sight.people, output)
+        self._control.put(*(Given(one, sight.now_ns, behind_ns=sight.input_ns) for one in given))
+        self._calibrations.keep(self._perception.calibration, self._diagnostics)
         self._diagnostics.took("step", time.perf_counter_ns() - sight.steady_ns)
-        if output.motions:
-            self._behind_ns = sight.input_ns
-            self._tell_age("age of an answer", output)
-        self._fates.report("pipeline", 0, self._state.perception.outcome, sight.input_ns)
+        self._fates.report("pipeline", 0, self._perception.outcome, sight.input_ns)
         self._inside.publish(output)
 
     def _on_joint_states(self, message: Any) -> None:
         now_ns, stamp_ns = self._time.now_ns(), ns_from_msg(message.header.stamp)
         self._diagnostics.flowed("joint_states")
         try:
-            measurement = self._commanding.measured(message)
+            measurement = self._control.commanding.measured(message)
         except DataError as error:
             self._diagnostics.unreadable("joint_states", error.reason, error.detail)
             self._fates.report("retargeting", 0, error.reason, stamp_ns)
             return
-        self._step(measurement, now_ns)
-        self._fates.report("retargeting", 0, self._state.retargeting.outcome, stamp_ns)
+        self._observe(measurement, now_ns)
+        self._control.put(Given(measurement, now_ns, stamp_ns))
 
-    def _on_tick(self, now_ns: int) -> None:
-        self._tell_age("age of a tick", self._step(None, now_ns))
-        self._fates.report("retargeting", 0, self._state.retargeting.outcome, now_ns)
-
-    def _step(self, given: PipelineInput, now_ns: int) -> PipelineOutput:
-        before = self._state
-        self._state, output = self._pipeline.step(before, given, now_ns)
-        self._life.tell(self._state.retargeting, output.commands)
-        self._commanding.send(output.commands, self._state.retargeting)
-        for stage in ("perception", "inference", "retargeting"):
-            after = getattr(self._state, stage)
-            if after is not getattr(before, stage):
-                self._diagnostics.ended(stage, after.outcome, after.counts, getattr(after, "detail", ""))
+    def _observe(self, given: PipelineInput, now_ns: int) -> PipelineOutput:
+        perception, inference = self._perception, self._inference
+        self._perception, self._inference, output = self._pipeline.observe(perception, inference, given, now_ns)
+        for name, before, after in (
+            ("perception", perception, self._perception),
+            ("inference", inference, self._inference),
+        ):
+            if after is not before and given != Request("reset"):
+                self._diagnostics.ended(name, after.outcome, after.counts, after.detail)
         return output
 
-    def _tell_age(self, what: str, output: PipelineOutput) -> None:
-        """How long ago the newest skeleton behind a command was seen."""
-        if output.commands and output.commands[-1].motion_stamp_ns:
-            self._diagnostics.took(what, self._time.now_ns() - self._behind_ns)
-
-    def _request(self, request: Request) -> None:
-        now_ns = self._time.now_ns()
-        self._step(request, now_ns)
-        self._fates.report("retargeting", 0, self._state.retargeting.outcome, now_ns)
+    def _reset(self) -> None:
+        with self._reception.lock:
+            self._observe(Request("reset"), self._time.now_ns())
 
     def _look(self) -> None:
-        self._commanding.look_for_others()
-        self._commanding.tell(self._state.retargeting, self._time.now_ns())
+        if self.is_in_order:
+            self._control.commanding.watch()
+        self._control.commanding.tell(self._control.state)
 
 
 def main() -> int:

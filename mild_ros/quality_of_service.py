@@ -39,6 +39,12 @@ STATE = _keep_last(10, ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE)
 """Where the robot is: matches whoever asks for reliable delivery and whoever does not."""
 
 
+SERVICE = QoSProfile(
+    history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.VOLATILE
+)
+"""Services of the operator: with ROS's default, the newest ten, 3,000 calls at once got some forty answers."""
+
+
 def is_latched(offers: Sequence[TopicEndpointInfo]) -> bool:
     """Whether every publisher of a topic keeps its last message for late comers."""
     return bool(offers) and all(o.qos_profile.durability is DurabilityPolicy.TRANSIENT_LOCAL for o in offers)

@@ -9,13 +9,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from rclpy.node import Node
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from mild_core.errors import SetupError
+from mild_core.printable import printable_lines
 from mild_ros.bag_settings import FIRST_HEARD, RecordParameters
 from mild_ros.bag_writer import create_bag
 from mild_ros.clock import steady_clock
+from mild_ros.guarded import GuardedNode
 from mild_ros.message_types import message_class
 from mild_ros.parameters import declare
 from mild_ros.quality_of_service import is_latched, strictest
@@ -26,7 +27,7 @@ DEPTH = 5000
 """Half a minute of everything at the usual rates: a slow disk must not lose messages."""
 
 
-class RecordNode(Node):
+class RecordNode(GuardedNode):
     """Subscribes to whatever is published and writes it down."""
 
     def __init__(self) -> None:
@@ -49,7 +50,8 @@ class RecordNode(Node):
         """End the bag, then the node."""
         self._recording.__exit__(None, None, None)
         passed = f"; not recorded: {', '.join(sorted(self._passed_over))}" if self._passed_over else ""
-        print(f"mild_ros record: {sum(self._bag.counts.values())} messages in {self._bag.path}{passed}", flush=True)
+        said = f"mild_ros record: {sum(self._bag.counts.values())} messages in {self._bag.path}{passed}"
+        print(printable_lines(said), flush=True)
         super().destroy_node()
 
     def _look(self) -> None:

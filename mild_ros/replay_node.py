@@ -8,16 +8,17 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
-from rclpy.node import Node
 from std_msgs.msg import Header
 from std_srvs.srv import SetBool
 
 from mild_core.errors import SetupError
+from mild_core.printable import printable_lines
 from mild_core.retargeting.robot_file import find_robot
 from mild_ros.audience import LOOK_PERIOD_S, Audience
 from mild_ros.bag_settings import ReplayParameters
 from mild_ros.bags import open_bag
 from mild_ros.clock import steady_clock
+from mild_ros.guarded import GuardedNode
 from mild_ros.messages.handled import handled_from_msg
 from mild_ros.parameters import declare
 from mild_ros.quality_of_service import FATE
@@ -28,7 +29,7 @@ from mild_ros.running import giving_up, run
 from mild_ros.sending import LockStep, RealTime
 
 
-class ReplayNode(Node):
+class ReplayNode(GuardedNode):
     """Publishes what a bag holds, when everybody listens, and ends."""
 
     def __init__(self) -> None:
@@ -106,7 +107,7 @@ class ReplayNode(Node):
     def destroy_node(self) -> None:
         """Say what was sent, then end."""
         sent = f"{self._sender.sent} events of {self.parameters.bag}"
-        print(f"mild_ros replay: {sent}{self._topics.left_out}", flush=True)
+        print(printable_lines(f"mild_ros replay: {sent}{self._topics.left_out}"), flush=True)
         self._bags.close()
         super().destroy_node()
 

@@ -29,6 +29,7 @@ from rclpy.utilities import remove_ros_args
 from mild_core.errors import SetupError
 from mild_ros.parameters import help_text
 from mild_ros.terminal import show_any_text
+from mild_ros.threads import StageNode
 
 _ENDED_BY = "ended_by"
 """Attribute of a node that gave up."""
@@ -164,13 +165,20 @@ def _spin(node: Node, interruption: _Interruption) -> None:
     executor.add_node(node)
     gc.collect()
     gc.freeze()  # models and messages types stay: collections that walk them would show in the latency
+    beside = node if isinstance(node, StageNode) else None
     try:
+        if beside is not None:
+            beside.start_threads()
         with suppress(ExternalShutdownException):
-            while rclpy.ok() and not interruption.wanted:
+            while rclpy.ok() and not interruption.wanted and not (beside and beside.ending.is_set()):
                 executor.spin_once(timeout_sec=_NOTICE_S)
+        if beside is not None and beside.failure is not None:
+            raise beside.failure
         if (error := getattr(node, _ENDED_BY, None)) is not None:
             raise error
     finally:
+        if beside is not None:
+            beside.stop_threads()
         executor.remove_node(node)
         node.destroy_node()
         executor.shutdown()

@@ -63,6 +63,13 @@ class PerceptionParameters(TrackerParameters):
     forget_s: float = parameter(
         PerceptionSettings.forget_s, "How long to wait for a lost person.", unit="s", minimum=0.5, maximum=3600.0
     )
+    frozen_after_s: float = parameter(
+        PerceptionSettings.frozen_after_s,
+        "A body that is equal to the bit for longer is not measured any more: it is not followed.",
+        unit="s",
+        minimum=0.1,
+        maximum=10.0,
+    )
     report_handled: bool = _REPORT_HANDLED
 
 

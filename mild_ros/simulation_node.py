@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from rclpy.node import Node
+import numpy as np
 from sensor_msgs.msg import Image, JointState
 from std_msgs.msg import Float64, String
 
@@ -14,6 +14,7 @@ from mild_core.signals import JointCommand
 from mild_ros.assembly.robot import make_robot
 from mild_ros.clock import NodeClock, steady_clock
 from mild_ros.diagnostics import Diagnostics
+from mild_ros.guarded import GuardedNode
 from mild_ros.messages.image import image_to_msg
 from mild_ros.messages.joint_state import joint_command_from_msg, joint_measurement_to_msg
 from mild_ros.parameters import declare
@@ -26,11 +27,14 @@ from mild_ros.simulation.bullet import BulletRobot
 LONGEST_STEP_NS = 100_000_000
 """After a longer pause the simulation goes on from where it was, as computing all of it would take as long again."""
 
+LARGEST = 1000.0
+"""No joint has a position [rad or m] or a speed beyond this; the physics would blow up."""
+
 UNTIL_CLOCK_S = 0.1
 """Before a replay starts its clock, retargeting must hear where the robot is."""
 
 
-class SimulationNode(Node):
+class SimulationNode(GuardedNode):
     """A simulated robot, in real time or, with `use_sim_time`, at the pace of `/clock`."""
 
     def __init__(self) -> None:
@@ -61,6 +65,8 @@ class SimulationNode(Node):
         self._diagnostics.flowed("joint_command")
         try:
             command = joint_command_from_msg(message)
+            if np.abs([command.positions_rad, command.velocities_rad_s]).max() > LARGEST:
+                raise DataError("out_of_range", "a joint is sent round and round")
             unknown = sorted(set(command.joint_names) - set(self._robot.robot.joint_names))
             if unknown:
                 raise DataError("wrong_joints", f"no joint {', '.join(unknown)}")

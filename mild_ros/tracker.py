@@ -22,6 +22,7 @@ from mild_ros.messages.feeds import SKELETON_TOPIC, Feed
 from mild_ros.messages.marker_array_bytes import marker_array_from_bytes
 from mild_ros.messages.skeletons import ADAPTERS
 from mild_ros.quality_of_service import SENSOR, STATIC_TRANSFORMS
+from mild_ros.reception import KEPT, Reception
 from mild_ros.settings import PerceptionParameters
 from mild_ros.tracker_watch import TrackerWatch
 
@@ -76,13 +77,14 @@ class Tracker:
     def listen(
         self,
         node: Node,
+        reception: Reception,
         clock: NodeClock,
         diagnostics: Diagnostics,
         fates: Fates,
         on_sight: Callable[[Sighting], None],
     ) -> None:
         """Call `on_sight` with everyone who is seen; a message that cannot be read is counted and logged here."""
-        watch = TrackerWatch(node, diagnostics, self._source, tuple(feed for feed, _ in self._feeds))
+        watch = TrackerWatch(node, diagnostics, self._source, tuple(feed for feed, _ in self._feeds), reception.lock)
 
         def on_message(feed: Feed, message: Any) -> None:
             steady_ns, now_ns = time.perf_counter_ns(), clock.now_ns()
@@ -106,4 +108,7 @@ class Tracker:
         for feed, message_type in self._feeds:
             quality = STATIC_TRANSFORMS if feed.latched else SENSOR
             raw = feed.type_name in FROM_BYTES
-            node.create_subscription(message_type, feed.topic, partial(on_message, feed), quality, raw=raw)
+            # A transform alone shows nobody, and every static one comes once only.
+            kept = quality.depth if feed.latched or feed.lacks is not None else KEPT
+            read = partial(on_message, feed)
+            reception.subscribe(message_type, feed.topic, read, quality, raw=raw, kept=kept)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import AbstractContextManager
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -31,9 +32,18 @@ class TrackerWatch:
         diagnostics: Where it is said; what perception makes of messages is read there.
         source: The tracker that was set.
         feeds: What is listened to.
+        lock: Held while messages are read, in another thread.
     """
 
-    def __init__(self, node: Node, diagnostics: Diagnostics, source: SkeletonSource, feeds: tuple[Feed, ...]) -> None:
+    def __init__(
+        self,
+        node: Node,
+        diagnostics: Diagnostics,
+        source: SkeletonSource,
+        feeds: tuple[Feed, ...],
+        lock: AbstractContextManager[Any],
+    ) -> None:
+        self._lock = lock
         self._node, self._diagnostics, self._source, self._feeds = node, diagnostics, source, feeds
         self._newest: dict[str, Any] = {}
         self._silent_since_s = dict.fromkeys((feed.topic for feed in feeds), time.monotonic())
@@ -46,17 +56,21 @@ class TrackerWatch:
 
     def look(self) -> None:
         """Say what is wrong, or that nothing is any longer."""
-        now_s = time.monotonic()
-        messages, self._newest = self._newest, {}
-        for topic in messages:
-            self._silent_since_s[topic] = now_s
-        lines = [self._judged(feed, messages.get(feed.topic), now_s) for feed in self._feeds]
-        line = next(filter(None, lines), "") or self._stuck(bool(messages), now_s)
+        with self._lock:
+            line = self._looked(time.monotonic())
         if line:
             self._diagnostics.complain(f"source {self._source.name}: {line}")
             self._diagnostics.alarms["tracker"] = (DiagnosticStatus.WARN, line)
         else:
             self._diagnostics.alarms.pop("tracker", None)
+
+    def _looked(self, now_s: float) -> str:
+        """What is wrong; "" for nothing."""
+        messages, self._newest = self._newest, {}
+        for topic in messages:
+            self._silent_since_s[topic] = now_s
+        lines = [self._judged(feed, messages.get(feed.topic), now_s) for feed in self._feeds]
+        return next(filter(None, lines), "") or self._stuck(bool(messages), now_s)
 
     def _judged(self, feed: Feed, message: Any, now_s: float) -> str:
         topic = self._node.resolve_topic_name(feed.topic)

@@ -40,6 +40,7 @@ class PerceptionSettings:
         bone_tolerance: Largest relative deviation of a bone from its calibrated length. 0.3, because an Azure
             Kinect lets the whole skeleton breathe by +-11 %.
         reacquire_distance_m: How near to where the person was last seen a body has to be to be the same person.
+        frozen_after_s: A body whose joints are equal to the bit for longer, under new stamps, is not measured any more.
         forget_s: How long a lost person is waited for before another one may take over.
     """
 
@@ -61,6 +62,7 @@ class PerceptionSettings:
     bone_tolerance: float = 0.3
     reacquire_distance_m: float = 0.5
     forget_s: float = 5.0
+    frozen_after_s: float = 0.5
 
     def __post_init__(self) -> None:
         """Raise SetupError for settings that cannot work."""
@@ -107,6 +109,11 @@ class PerceptionSettings:
         return round(self.max_gap_s * 1e9)
 
     @cached_property
+    def frozen_after_ns(self) -> int:
+        """`frozen_after_s` in nanoseconds."""
+        return round(self.frozen_after_s * 1e9)
+
+    @cached_property
     def forget_ns(self) -> int:
         """`forget_s` in nanoseconds."""
         return round(self.forget_s * 1e9)
@@ -128,4 +135,5 @@ _LEAST = {
     "bone_tolerance": 0.0,
     "reacquire_distance_m": 0.0,
     "forget_s": 0.0,
+    "frozen_after_s": 0.0,
 }

@@ -6,6 +6,7 @@ Every message ends in exactly one outcome, and no message is lost without being 
     accepted                          its arm was used (zero, one or more windows)
     calibrating, moving               part of the neutral second; the person did not stand still
     nobody, other_person              the watched person is not in it
+    frozen                            the watched person or arm repeats itself to the bit: it is not measured
     duplicate, out_of_order           its stamp is not later than the one before
     unknown_frame                     everyone in it is in another tf frame
     missing_joint, not_finite, zeroed, out_of_range, low_confidence, bone_length
@@ -32,7 +33,7 @@ from mild_core.errors import DataError
 from mild_core.perception.arm import in_arm_frame
 from mild_core.perception.calibration import Calibration
 from mild_core.perception.gates import Body, Point, believed, bone_lengths, check_bones
-from mild_core.perception.identity import Lock, Seen, find_person, locked_on
+from mild_core.perception.identity import Lock, Seen, find_person, locked_on, seen_person
 from mild_core.perception.neutral import (
     FULL_SECOND,
     MISPLACED,
@@ -44,6 +45,7 @@ from mild_core.perception.neutral import (
     with_newest,
 )
 from mild_core.perception.person import person_pose
+from mild_core.perception.repetition import Repetitions, repeated
 from mild_core.perception.resampling import Cadence
 from mild_core.perception.settings import PerceptionSettings
 from mild_core.perception.window import ArmStream, begun, extended
@@ -65,6 +67,7 @@ class PerceptionState:
         lock: Who is watched.
         cadence: How often the tracker sees them.
         stream: The arm at the model's rate; None before its first usable frame.
+        repetitions: Since when each body repeats itself.
         person: Where the watched person is by the newest message; None when it does not show a calibrated one.
     """
 
@@ -76,6 +79,7 @@ class PerceptionState:
     lock: Lock | None = None
     cadence: Cadence | None = None
     stream: ArmStream | None = None
+    repetitions: Repetitions = field(default_factory=dict)
     person: PersonPose | None = None
 
 
@@ -94,7 +98,7 @@ class Perception:
 
     def afresh(self, state: PerceptionState) -> PerceptionState:
         """The state that remembers nobody, no kept calibration either, and only counts on."""
-        return PerceptionState(counts=state.counts)
+        return PerceptionState(counts=state.counts, repetitions=state.repetitions)
 
     def step(self, state: PerceptionState, people: tuple[SkeletonFrame, ...], now_ns: int) -> _Stepped:
         """Take one tracker message.
@@ -111,9 +115,14 @@ class Perception:
         events: Counter[str] = Counter()
         known = self._in_known_frame(state, people)
         state = self._rewound(state, known, events)
-        seen = find_person(state.lock, known, self.settings.reacquire_distance_m)
+        everyone = [seen_person(person) for person in known]
+        state = self._compared(state, everyone)
+        living = [one for one in everyone if not self._frozen(state, one)]
+        seen = find_person(state.lock, living, self.settings.reacquire_distance_m)
         if seen is None:
             absence, detail = self._absence(state, people, known)
+            if known and (not living or any(self._frozen(state, one) and _is_locked(state, one) for one in everyone)):
+                absence, detail = "frozen", self._how_long
             return _ended(self._without(state, now_ns, events), events, absence, detail)
         stamp_ns = seen.person.stamp_ns
         if state.lock and stamp_ns <= state.lock.stamp_ns:
@@ -141,6 +150,20 @@ class Perception:
         return _ended(
             state, events, "accepted", windows=windows, lock=lock, cadence=cadence, stream=stream, person=person
         )
+
+    def _compared(self, state: PerceptionState, everyone: list[Seen]) -> PerceptionState:
+        """The state with this message in what repeats itself."""
+        settings = self.settings
+        bodies = [one.body for one in everyone]
+        found = repeated(state.repetitions, bodies, settings.sided_names, settings.min_confidence)
+        return PerceptionState(**{**vars(state), "repetitions": found})
+
+    def _frozen(self, state: PerceptionState, seen: Seen) -> bool:
+        return state.repetitions[seen.person.person_id].body.lasts(self.settings.frozen_after_ns)
+
+    @property
+    def _how_long(self) -> str:
+        return f"equal to the bit for {self.settings.frozen_after_s:g} s and more: it is repeated, not measured"
 
     def _in_known_frame(self, state: PerceptionState, people: tuple[SkeletonFrame, ...]) -> tuple[SkeletonFrame, ...]:
         """Those whose positions are in the tf frame that was asked for, calibrated in, or seen first."""
@@ -209,6 +232,8 @@ class Perception:
             DataError: They cannot be believed.
         """
         settings, calibration = self.settings, state.calibration
+        if state.repetitions[body.frame.person_id].arm.lasts(settings.frozen_after_ns):
+            raise DataError("frozen", f"the {settings.side} arm is {self._how_long}")
         given = settings.axes == "given"  # then the shoulder itself may be the origin
         points = believed(body, settings.sided_names, settings.min_confidence, zero_root_allowed=given)
         if calibration is not None:
@@ -278,6 +303,10 @@ class Perception:
         if filled:
             events["filled"] += max(0, len(windows) - 1)
         return stream, windows
+
+
+def _is_locked(state: PerceptionState, seen: Seen) -> bool:
+    return state.lock is not None and state.lock.person_id == seen.person.person_id
 
 
 def _ended(

@@ -66,8 +66,9 @@ def checked_plan(motion: MotionWindow, robot: RobotModel, now_ns: int) -> Plan:
         raise DataError("wrong_joints", f"got {names}, expected {ARM_JOINTS if is_arm else robot.joint_names}")
     if len(motion.positions) == 0 or motion.period_ns <= 0:
         raise DataError("wrong_shape", f"positions {motion.positions.shape} every {motion.period_ns} ns")
-    if not (np.isfinite(motion.positions).all() and np.isfinite(motion.out_of_distribution)):
-        raise DataError("not_finite", "a position or the out-of-distribution score is NaN or infinite")
+    numbers = (motion.positions, motion.covariance, motion.out_of_distribution)
+    if not all(np.isfinite(each).all() for each in numbers):
+        raise DataError("not_finite", "a position, covariance or out-of-distribution score is NaN or infinite")
     rows = motion.positions
     if not is_arm and names != robot.joint_names:
         rows = rows[:, [names.index(name) for name in robot.joint_names]]

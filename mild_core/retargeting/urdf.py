@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Read the links' shapes and the joints from a robot description (URDF), trusting nothing in it."""
+"""Read the links' shapes and the joints from a robot description (URDF), trusting nothing in it.
+
+A description may come from anybody's latched topic, and what loads it later is native code that dies of what it does
+not expect. So every description is examined here first, whoever wants it, within budgets far above any robot's.
+"""
 
 from __future__ import annotations
 
@@ -13,10 +17,21 @@ from xml.etree import ElementTree
 import numpy as np
 
 from mild_core.errors import SetupError
+from mild_core.printable import printable
 from mild_core.shapes import FloatArray, read_only
 
 SIZE_LIMIT = 8_000_000
 """Bytes; vendors' descriptions of two-armed robots have under 0.2 MB."""
+
+DEPTH_LIMIT, ELEMENTS_LIMIT = 32, 100_000
+LINKS_LIMIT, SHAPES_LIMIT, CHAIN_LIMIT = 300, 1000, 100
+"""Links and as many joints; visuals and collisions; joints one after the other. Humanoids with hands have a third."""
+
+NAME_LIMIT = 200
+"""Characters of a name; PyBullet has room for 1023."""
+
+LARGEST_M, HEAVIEST_KG, LARGEST_KG_M2 = 100.0, 1e5, 1e7
+"""Of a part of a robot."""
 
 TURNING, SLIDING, FIXED = ("revolute", "continuous"), ("prismatic",), ("fixed",)
 """The kinds of joints that can be computed; `floating` and `planar` ones have no single position."""
@@ -76,6 +91,21 @@ class Solid:
 class _Refusing(ElementTree.TreeBuilder):
     """Builds the tree of elements but takes no document type: entities that expand without end come with one."""
 
+    def __init__(self) -> None:
+        super().__init__()
+        self._depth = self._count = 0
+
+    def start(self, tag: str, attributes: dict[str, str], /) -> ElementTree.Element:
+        self._depth += 1
+        self._count += 1
+        if self._depth > DEPTH_LIMIT or self._count > ELEMENTS_LIMIT:
+            raise ValueError(f"it has more than {ELEMENTS_LIMIT} elements, or {DEPTH_LIMIT} in each other")
+        return super().start(tag, attributes)
+
+    def end(self, tag: str, /) -> ElementTree.Element:
+        self._depth -= 1
+        return super().end(tag)
+
     def doctype(self, name: str, pubid: str, system: str) -> None:
         raise ValueError("it declares a document type")
 
@@ -102,8 +132,19 @@ def read_solids(path: Path) -> tuple[Solid, ...]:
     return _read(path, lambda root: tuple(solid for link in root.findall("link") for solid in _solids(link)))
 
 
+def read_description(path: Path) -> ElementTree.Element:
+    """The examined description at `path`, as a tree of elements.
+
+    Raises:
+        SetupError: The file is missing, too large, no URDF, or outside a budget.
+    """
+    return _read(path, lambda root: root)
+
+
 def _read(path: Path, read: Callable[[ElementTree.Element], Parts]) -> Parts:
     try:
+        if path.exists() and not path.is_file():
+            raise SetupError(str(path), "is no regular file", "give the path of a URDF file")
         with path.open("rb") as file:
             text = file.read(SIZE_LIMIT + 1)
     except OSError as error:
@@ -114,9 +155,84 @@ def _read(path: Path, read: Callable[[ElementTree.Element], Parts]) -> Parts:
         root = ElementTree.fromstring(text, parser=ElementTree.XMLParser(target=_Refusing()))
         if root.tag != "robot":
             raise ValueError(f"its root is <{root.tag}>, not <robot>")
+        _examine(root)
         return read(root)
     except (ValueError, ElementTree.ParseError, LookupError) as error:
         raise SetupError(str(path), f"is no robot description: {error}", "give a valid URDF file") from error
+
+
+def _examine(root: ElementTree.Element) -> None:
+    """Raise ValueError for what no robot has, and what programs that load it may die of."""
+    links, joints = root.findall("link"), root.findall("joint")
+    parts = [part for link in links for tag in ("visual", "collision") for part in link.findall(tag)]
+    if max(len(links), len(joints)) > LINKS_LIMIT or len(parts) > SHAPES_LIMIT:
+        counts = f"{len(links)} links, {len(joints)} joints and {len(parts)} shapes"
+        raise ValueError(f"it has {counts}; at most {LINKS_LIMIT}, {LINKS_LIMIT} and {SHAPES_LIMIT} are read")
+    for element in (*links, *joints):
+        name = element.get("name", "")
+        if not name or len(name) > NAME_LIMIT or not name.isprintable():
+            raise ValueError(f"a {element.tag} is called '{printable(name, 60)}'")
+    names = {link.get("name", "") for link in links}
+    if len(names) != len(links):
+        raise ValueError("two links have one name")
+    for element in (*parts, *joints):
+        _finite(element.find("origin"), "xyz", 3, LARGEST_M)
+        _finite(element.find("origin"), "rpy", 3, 1e6)
+    for part in parts:
+        _examine_shape(part.find("geometry"))
+    for inertial in [found for link in links if (found := link.find("inertial")) is not None]:
+        _finite(inertial.find("origin"), "xyz", 3, LARGEST_M)
+        _finite(inertial.find("origin"), "rpy", 3, 1e6)
+        _finite(inertial.find("mass"), "value", 1, HEAVIEST_KG, 0.0)
+        for place in ("ixx", "iyy", "izz"):
+            _finite(inertial.find("inertia"), place, 1, LARGEST_KG_M2, 0.0)
+        for place in ("ixy", "ixz", "iyz"):
+            _finite(inertial.find("inertia"), place, 1, LARGEST_KG_M2)
+    _examine_tree(names, joints)
+
+
+def _examine_shape(geometry: ElementTree.Element | None) -> None:
+    if geometry is None:
+        return
+    for shape in geometry:
+        for name, count in (*SHAPES.get(shape.tag, ()), *((("radius", 1), ("length", 1)) * (shape.tag == "capsule"))):
+            if shape.get(name) is None:
+                raise ValueError(f"a {shape.tag} has no {name}")
+            if min(_finite(shape, name, count, LARGEST_M)) <= 0.0:
+                raise ValueError(f"a {shape.tag} has {name}='{shape.get(name)}', which is not above 0")
+        if shape.tag == "mesh":
+            _finite(shape, "scale", 3, 1e4)
+
+
+def _examine_tree(links: set[str], joints: list[ElementTree.Element]) -> None:
+    """Raise ValueError unless the links hang together, none too far from the first."""
+    parents: dict[str, str] = {}
+    for joint in joints:
+        ends = [found.get("link", "") for tag in ("parent", "child") if (found := joint.find(tag)) is not None]
+        if len(ends) != 2 or not all(ends):
+            raise ValueError(f"joint '{joint.get('name')}' does not name a parent and a child")
+        for end in ends:
+            if end not in links:
+                raise ValueError(f"joint '{joint.get('name')}' names a link '{end}' that it does not have")
+        parents[ends[1]] = ends[0]
+    alone = sorted(links - parents.keys() - set(parents.values()))
+    if alone and len(links) > 1:
+        raise ValueError(f"link '{alone[0]}' hangs on no joint")
+    for link in links:
+        depth, at = 0, link
+        while at in parents:
+            depth, at = depth + 1, parents[at]
+            if depth > CHAIN_LIMIT:
+                raise ValueError(f"from '{link}' on, joints form a loop or a chain of more than {CHAIN_LIMIT}")
+
+
+def _finite(
+    element: ElementTree.Element | None, name: str, count: int, largest: float, least: float = -math.inf
+) -> tuple[float, ...]:
+    numbers = _numbers(element, name, (0.0,) * count)
+    if any(abs(number) > largest or number < least for number in numbers):
+        raise ValueError(f"{element.tag if element is not None else ''} {name}='{numbers}' is out of any robot's range")
+    return numbers
 
 
 def _solids(link: ElementTree.Element) -> Iterator[Solid]:

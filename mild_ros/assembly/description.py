@@ -11,8 +11,6 @@ from __future__ import annotations
 import copy
 import hashlib
 import os
-import stat
-import tempfile
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -22,6 +20,11 @@ from xml.etree import ElementTree
 from mild_core.errors import SetupError
 from mild_core.retargeting.kinematics import read_tree
 from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.urdf import read_description
+from mild_ros.assembly.private import private_folder
+
+MESHES_LIMIT = 500_000_000
+"""Bytes of all meshes of a description, as often as it names them; a large humanoid's have 100 MB."""
 
 SCHEMES = ("package://", "model://")
 """Before the name of a package and a path in it."""
@@ -46,7 +49,19 @@ class _Meshes:
 
     near: Path
     changed: bool = False
+    bytes_read: int = 0
     missing: list[str] = field(default_factory=list)
+
+    def add(self, file: Path) -> None:
+        """Count a mesh that will be loaded.
+
+        Raises:
+            SetupError: Together they are larger than any robot's.
+        """
+        self.bytes_read += file.stat().st_size
+        if self.bytes_read > MESHES_LIMIT:
+            problem = f"and the meshes before it have more than {MESHES_LIMIT // 1_000_000} MB"
+            raise SetupError(str(file), problem, "give coarser meshes, or a description without")
 
 
 def prepared(path: Path, robot: RobotModel) -> Prepared:
@@ -54,7 +69,7 @@ def prepared(path: Path, robot: RobotModel) -> Prepared:
 
     What has to be changed is changed in a copy.
     """
-    root, own = ElementTree.parse(path).getroot(), ElementTree.parse(robot.urdf_path).getroot()
+    root, own = read_description(path), read_description(robot.urdf_path)
     ours = {} if path == robot.urdf_path else {link.get("name", ""): link for link in own.findall("link")}
     meshes = _Meshes(path.parent.resolve())
     for link in root.findall("link"):
@@ -81,14 +96,10 @@ def temporary(text: str) -> Path:
     Raises:
         SetupError: The folder is somebody else's.
     """
-    folder = Path(tempfile.gettempdir(), f"mild_ros-{os.getuid()}")
-    folder.mkdir(mode=0o700, exist_ok=True)
-    found = folder.lstat()
-    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or found.st_mode & 0o022:
-        raise SetupError(str(folder), "can be written by somebody else", "remove it, or set TMPDIR")
-    path = folder / f"{hashlib.sha256(text.encode()).hexdigest()[:16]}.urdf"
+    folder = private_folder()
+    path = folder / f"{hashlib.sha256(text.encode(errors='replace')).hexdigest()[:16]}.urdf"
     written = path.with_suffix(f".{os.getpid()}")
-    written.write_text(text, encoding="utf-8")
+    written.write_text(text, encoding="utf-8", errors="replace")
     return written.replace(path)
 
 
@@ -103,6 +114,7 @@ def _settle(link: ElementTree.Element, ours: ElementTree.Element | None, meshes:
             name = mesh.get("filename", "")
             file = _found(name, meshes.near)
             if file is not None and (tag == "visual" or ours is None):
+                meshes.add(file)
                 mesh.set("filename", str(file))
                 meshes.changed |= str(file) != name
                 continue

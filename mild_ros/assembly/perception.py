@@ -86,6 +86,7 @@ def make_perception(parameters: PerceptionParameters, manifest: Manifest) -> Per
         min_confidence=parameters.min_confidence,
         reacquire_distance_m=parameters.reacquire_distance_m,
         forget_s=parameters.forget_s,
+        frozen_after_s=parameters.frozen_after_s,
     )
     unseen = sorted(set(settings.sided_names) - places_of(tuple(source.joint_ids.values())).keys())
     if unseen:

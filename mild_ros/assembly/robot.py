@@ -9,11 +9,13 @@ from pathlib import Path
 
 from mild_core.errors import SetupError
 from mild_core.inference.manifest import ControlledAgent
+from mild_core.printable import printable_lines
 from mild_core.retargeting.kinematics import read_tree
 from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.robot_file import find_robot
 from mild_core.signals import ARM_JOINTS
 from mild_ros.assembly.description import prepared, temporary
+from mild_ros.assembly.trial_load import try_load
 
 TOPIC = "topic:"
 """Before the name of a topic in place of a path."""
@@ -42,8 +44,9 @@ def make_robot(given: str, description: str = "") -> RobotModel:
         raise SetupError(str(path), f"it has no joint {', '.join(missing)}", f"give a description of {robot.name}")
     found = prepared(path, robot)
     read_tree(found.path).chain(robot.tool_link, robot.base_link)
+    try_load(found.path, "pinocchio")
     if found.note:
-        logging.getLogger(__name__).warning(found.note)
+        logging.getLogger(__name__).warning("%s", printable_lines(found.note))
     return robot if found.path == robot.urdf_path else replace(robot, urdf_path=found.path)
 
 

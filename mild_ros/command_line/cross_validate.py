@@ -12,10 +12,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from mild_core.errors import SetupError
+from mild_ros.command_line.console import Console
 from mild_ros.command_line.error_tables import markdown, markdown_table, print_cells, print_comparison, rows_as_data
 from mild_ros.command_line.run_time_tables import run_time_as_data, run_time_cells, unknown_as_data, unknown_cells
 from mild_ros.share import model_folder
@@ -187,7 +187,7 @@ def _run(jobs: Sequence[Job], workers: int, protocol: str) -> list[Result]:
     """All jobs, with a bar that tells what was learned last."""
     from mild_core.learning.cross_validation import run_jobs
 
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     results = []
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task(protocol, total=len(jobs))

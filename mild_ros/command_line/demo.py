@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from mild_core.errors import SetupError, unknown_name
+from mild_ros.command_line.console import Console
 
 
 def demo(

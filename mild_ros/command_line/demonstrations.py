@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
 from mild_core.errors import SetupError
+from mild_core.printable import printable
+from mild_ros.command_line.console import Console
 
 if TYPE_CHECKING:
     from mild_ros.command_line.cutting import CutBag
@@ -134,13 +135,13 @@ def _cut_all(paths: list[Path], settings: DemonstrationSettings, salvage: bool) 
     for path in paths:
         with open_bag(path, salvage=salvage) as bag:
             totals.append(sum(bag.topics[topic].count for topic in readers(bag, settings, Streams())))
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
     cut = []
     console = Console(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("reading", total=sum(totals))
         for path in paths:
-            progress.update(task, description=f"cutting {path.stem}")
+            progress.update(task, description=printable(f"cutting {path.stem}", 80))
             cut.append(cut_bag(path, settings, salvage, lambda: progress.advance(task)))
     return cut
 

@@ -8,8 +8,10 @@ from dataclasses import asdict
 from typing import Annotated
 
 import typer
-from rich.console import Console
+from rich.text import Text
 
+from mild_core.printable import printable_lines
+from mild_ros.command_line.console import Console
 from mild_ros.doctor import examinations
 
 UNWELL = 1
@@ -40,9 +42,10 @@ def doctor(
         finding = examination()
         findings.append(finding)
         if not as_json:
-            console.print(f"{'[green]✓[/]' if finding.well else '[red]✗[/]'} {finding.subject}: {finding.seen}")
+            mark = ("✓", "green") if finding.well else ("✗", "red")
+            console.print(Text.assemble(mark, f" {printable_lines(f'{finding.subject}: {finding.seen}')}"))
             if not finding.well:
-                console.print(f"    [bold]{finding.remedy}[/]")
+                console.print(f"    {finding.remedy}", style="bold")
     if as_json:
         print(json.dumps([asdict(finding) for finding in findings], indent=1))
     if not all(finding.well for finding in findings):

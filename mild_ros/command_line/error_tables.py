@@ -8,8 +8,9 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
 from rich.table import Table
+
+from mild_ros.command_line.console import Console
 
 if TYPE_CHECKING:
     from mild_core.learning.comparison import Relative, Row

@@ -170,11 +170,11 @@ def _measure(
     model: MildModel, protocol: Protocol, trials: tuple[Demonstration, ...], labels: str, standing_s: float
 ) -> tuple[list[TrialErrors], float | None]:
     """Errors of each trial, and the share of windows in which inference acted upon the right interaction."""
-    from rich.console import Console
     from rich.progress import track
 
     from mild_core.learning.evaluation import errors_of_trial
     from mild_core.learning.model_predictor import AUTO, ModelPredictor
+    from mild_ros.command_line.console import Console
 
     predictor, right, windows = ModelPredictor(model, protocol), 0, 0
     errors: list[TrialErrors] = []

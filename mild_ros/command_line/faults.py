@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
+from rich.text import Text
 
 from mild_core.errors import SetupError, unknown_name
+from mild_ros.command_line.console import Console
 
 if TYPE_CHECKING:
     from mild_ros.faults.trial import Outcome
@@ -47,7 +48,7 @@ def faults(
     wanted = [FAULTS[name] for name in only or FAULTS]
     console = Console(highlight=False)
     outcomes: dict[str, Outcome] = {}
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True) as progress:
         task = progress.add_task("starting nodes", total=len(wanted))
         for outcome in all_tried(wanted, out / "log"):
@@ -67,6 +68,6 @@ def _table(outcomes: list[Outcome]) -> Table:
     for one in outcomes:
         rested = "" if one.rest_s is None else f"{one.rest_s:.2f} s"
         again = "" if one.recovery_s is None else f"{one.recovery_s:.2f} s"
-        verdict = f"[red]{'; '.join(one.wrong)}[/]" if one.wrong else "[green]survived[/]"
+        verdict = Text("; ".join(one.wrong), "red") if one.wrong else Text("survived", "green")
         table.add_row(one.fault.name, one.fault.answer, rested, again, str(one.commands), verdict)
     return table

@@ -13,6 +13,7 @@ from typing import Any
 import typer
 
 from mild_core.errors import MildError, SetupError
+from mild_core.printable import printable_lines
 from mild_ros.terminal import show_any_text
 
 COMMANDS = {
@@ -53,7 +54,7 @@ FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 def _say(line: str) -> None:
-    print(f"mild: {line}", file=sys.stderr)
+    print(printable_lines(f"mild: {line}"), file=sys.stderr)
 
 
 def _without_ros(error: ModuleNotFoundError) -> SetupError:

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 
 from mild_core.budgets import TABLE_BYTES, parse_json, read_file
 from mild_core.errors import SetupError
+from mild_ros.command_line.console import Console
 from mild_ros.command_line.options import Config, Given, Model, Source
 
 MODEL = Annotated[str, typer.Option(metavar="NAME|FOLDER", help="A shipped model, or the folder of yours.")]

@@ -9,10 +9,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.console import Console
-
 from mild_core.errors import SetupError
 from mild_ros.command_line import options
+from mild_ros.command_line.console import Console
 
 if TYPE_CHECKING:
     from mild_ros.demo import RunOptions

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
@@ -19,6 +18,7 @@ from mild_core.retargeting.robot_file import find_robot
 from mild_core.shapes import FloatArray
 from mild_ros.assembly.perception import make_perception, manifest_of, skeleton_source
 from mild_ros.bags import open_bag
+from mild_ros.command_line.console import Console
 from mild_ros.demo import RunOptions, run_nodes
 from mild_ros.report import Report, make_report
 from mild_ros.viewing.filmstrip import draw_filmstrip
@@ -51,7 +51,7 @@ def run_with_progress(bag: Path, out: Path, options: RunOptions, console: Consol
     Raises:
         SetupError: As `run_nodes`, or nobody is there to press Enter.
     """
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True) as progress:
         task = progress.add_task("starting nodes", total=1.0)
 

@@ -191,10 +191,11 @@ def _finished(epochs: Generator[EpochReport, None, TrainedModel], checkpoint: Ch
 
 def _with_progress(epochs: Generator[EpochReport, None, TrainedModel], checkpoint: Checkpoint) -> TrainedModel:
     """Run the training and keep each epoch; a bar tells epoch and losses."""
-    from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    from mild_ros.command_line.console import Console
+
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     console = Console(stderr=True)
     with Progress(*columns, console=console) as progress:
         task = progress.add_task("training", total=None)

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
+from mild_ros.command_line.console import Console
 from mild_ros.command_line.options import Config, Given, Model, Salvage, Source
 
 

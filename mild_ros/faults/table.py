@@ -34,7 +34,8 @@ class Fault:
         lasts_s: How long it goes wrong.
         rate_hz: Of the tracker meanwhile.
         tracker: What the tracker says meanwhile.
-        robot: What the robot says meanwhile.
+        robot: What the robot says meanwhile ...
+        copies: ... and how often it says each of that.
         processes: What is done to processes.
         clock_s: How far the clock of a replay jumps at the begin; 0 for not at all.
         live: Whether it happens in real time to the three nodes and a simulated robot, or to the pipeline in a replay.
@@ -50,6 +51,7 @@ class Fault:
     rate_hz: float = people.TRACKER_HZ
     tracker: people.TrackerFault = people.as_it_is
     robot: robots.RobotFault = robots.truthful
+    copies: int = 1
     processes: Processes = ""
     clock_s: float = 0.0
     least: int = 1
@@ -92,6 +94,17 @@ _ROWS = (
     ),
     _passed_over(
         "flood", "Messages come at 1 kHz.", "skeleton count", people.as_it_is, rate_hz=1000.0, least=200, live=True
+    ),
+    _passed_over(
+        "heavy flood", "Messages come at 5 kHz.", "superseded skeleton", people.as_it_is, rate_hz=5000.0, live=True
+    ),
+    Fault(
+        "robot flood",
+        "joint_states come at 5 kHz.",
+        ("superseded joint_states",),
+        "goes on",
+        copies=100,
+        live=True,
     ),
     _passed_over("repetitions", "Each message comes three times.", "perception duplicate", people.repeated(3)),
     _passed_over(

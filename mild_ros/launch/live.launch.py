@@ -19,7 +19,12 @@ ARGUMENTS = {
     "joint_command": ("joint_command", "Topic of the commands."),
     "trajectory": ("joint_trajectory", "Topic of the JointTrajectoryController, if the configuration has that output."),
     "use_sim_time": ("false", "Take the time from `/clock`."),
+    "respawn": ("true", "Start a node again that has ended by itself, after two seconds."),
 }
+
+
+RESPAWN_DELAY_S = 2.0
+"""DDS needs up to this long to miss the commands of a node that died, and the new one looks for others first."""
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -40,6 +45,8 @@ def generate_launch_description() -> LaunchDescription:
             ("joint_trajectory", given["trajectory"]),
         ],
         output="screen",
+        respawn=given["respawn"],
+        respawn_delay=RESPAWN_DELAY_S,
     )
     arguments = [
         DeclareLaunchArgument(name, default_value=value, description=text) for name, (value, text) in ARGUMENTS.items()

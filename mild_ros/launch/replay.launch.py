@@ -71,7 +71,8 @@ def generate_launch_description() -> LaunchDescription:
     simulated = PathJoinSubstitution([share, "launch", "simulation.launch.py"])
     simulation = IncludeLaunchDescription(
         PythonLaunchDescriptionSource(simulated),
-        launch_arguments=[(name, given[name]) for name in ("namespace", "config", "gui")],
+        # A node that fails ends the replay: one that starts in its midst would make another of it.
+        launch_arguments=[*((name, given[name]) for name in ("namespace", "config", "gui")), ("respawn", "false")],
     )
     record = Node(
         package="mild_ros",

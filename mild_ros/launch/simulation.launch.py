@@ -17,7 +17,15 @@ ARGUMENTS = {
     "skeleton": ("skeleton", "Topic of the tracker."),
     "gui": ("false", "Open a window with the robot."),
     "use_sim_time": ("false", "Take the time from `/clock`."),
+    "respawn": ("true", "Start a node again that has ended by itself, after two seconds."),
 }
+
+
+PASSED_ON = ("namespace", "config", "skeleton", "use_sim_time", "respawn")
+"""To the pipeline."""
+
+RESPAWN_DELAY_S = 2.0
+"""DDS needs up to this long to miss the commands of a node that died, and the new one looks for others first."""
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -29,7 +37,9 @@ def generate_launch_description() -> LaunchDescription:
     config = ["--params-file", [PathJoinSubstitution([share, "config", stem]), ".yaml"]]
     live = IncludeLaunchDescription(
         PythonLaunchDescriptionSource(PathJoinSubstitution([share, "launch", "live.launch.py"])),
-        launch_arguments=[(name, given[name]) for name in ("namespace", "config", "skeleton", "use_sim_time")],
+        launch_arguments=[
+            (name, given[name]) for name in ("namespace", "config", "skeleton", "use_sim_time", "respawn")
+        ],
     )
     simulation = Node(
         package="mild_ros",
@@ -39,6 +49,8 @@ def generate_launch_description() -> LaunchDescription:
         ros_arguments=config,
         parameters=[{"gui": given["gui"], "use_sim_time": given["use_sim_time"]}],
         output="screen",
+        respawn=given["respawn"],
+        respawn_delay=RESPAWN_DELAY_S,
     )
     arguments = [
         DeclareLaunchArgument(name, default_value=value, description=text) for name, (value, text) in ARGUMENTS.items()

@@ -27,6 +27,10 @@ from mild_ros.messages.standard import Header, JointTrajectory, JointTrajectoryP
 SCALARS = ("interaction", "probability", "phase", "out_of_distribution", "lead_ns", "period_ns")
 
 
+LONGEST_NS = 100e9
+"""No motion lies further away than this, or has rows so far apart."""
+
+
 def motion_type(controlled_kind: str) -> type[Any]:
     """The type of the messages on `motion`, by the kind of agent that a model moves."""
     return PointCloud2 if controlled_kind == "human_arm" else JointTrajectory
@@ -74,11 +78,12 @@ def motion_from_msgs(motion: Any, state: Any) -> MotionWindow:
     if values.shape[:2] != (1, 1) or names != expected or ns_from_msg(state.header.stamp) != stamp_ns:
         raise DataError("wrong_layout", f"motion of {size} values with a state of {len(names)} fields")
     _, probability, phase, out_of_distribution, lead, period = values[0, 0, : len(SCALARS)].tolist()
+    lead_ns, period_ns = _times(lead, period)
     belief, covariance = np.split(values[0, 0, len(SCALARS) :], [beliefs])
     return MotionWindow(
         stamp_ns=stamp_ns,
-        lead_ns=int(lead),
-        period_ns=int(period),
+        lead_ns=lead_ns,
+        period_ns=period_ns,
         joint_names=joint_names,
         positions=positions,
         covariance=covariance.reshape(size, size),
@@ -88,6 +93,17 @@ def motion_from_msgs(motion: Any, state: Any) -> MotionWindow:
         phase=phase,
         out_of_distribution=out_of_distribution,
     )
+
+
+def _times(lead: float, period: float) -> tuple[int, int]:
+    """Lead and period [ns].
+
+    Raises:
+        DataError: No motion has such times.
+    """
+    if not (abs(lead) <= LONGEST_NS and 1.0 <= period <= LONGEST_NS):
+        raise DataError("wrong_layout", f"a motion with a lead of {lead:g} ns and a period of {period:g} ns")
+    return int(lead), int(period)
 
 
 def _positions(message: Any) -> tuple[tuple[str, ...], FloatArray]:

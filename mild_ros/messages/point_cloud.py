@@ -45,7 +45,7 @@ def array_from_msg(message: Any) -> tuple[FloatArray, tuple[str, ...]]:
         for index, field in enumerate(message.fields)
     )
     data = np.frombuffer(message.data, dtype=np.uint8)
-    if not packed or message.is_bigendian or data.size != _BYTES * shape[0] * shape[1] * shape[2]:
+    if min(shape) < 1 or not packed or message.is_bigendian or data.size != _BYTES * shape[0] * shape[1] * shape[2]:
         raise DataError("wrong_layout", f"a cloud of {shape} with {data.size} bytes is not packed float64")
     return read_only(data.view("<f8").reshape(shape)), names
 

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from mild_core.errors import SetupError
 from mild_core.retargeting.robot import RobotModel
 from mild_core.signals import JointCommand, JointMeasurement
+from mild_ros.assembly.trial_load import try_load
 from mild_ros.simulation.backend import Camera, Scene
 from mild_ros.simulation.quiet import quiet_terminal
 
@@ -104,6 +105,7 @@ class BulletRobot:
     def _load(self, path: Path) -> tuple[int, dict[str, tuple[int, float]]]:
         """The body, and of each movable joint, commanded ones first, its number and largest force."""
         bullet = self._bullet
+        try_load(path, "pybullet")
         try:
             with quiet_terminal():
                 flags = bullet.URDF_USE_INERTIA_FROM_FILE

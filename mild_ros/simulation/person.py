@@ -87,6 +87,9 @@ _FOLLOWS = {
     **dict.fromkeys((f"left_{part}" for part in ("shoulder", "elbow", "wrist", "hand", "hand_tip", "thumb")), 0.3),
 }
 
+SWAY_M, SWAY_HZ = 0.0005, 0.25
+"""How far a standing person sways; less than an adult does, so that it disturbs nothing."""
+
 FIST = 0.3
 """How far beyond the middle of the hand a fist ends, as a share of how far an open hand does."""
 
@@ -199,6 +202,13 @@ def looking_at(camera_m: tuple[float, float, float], target_m: tuple[float, floa
     return pose
 
 
+def swaying(body_m: FloatArray, times_s: FloatArray, reach_m: float = SWAY_M) -> FloatArray:
+    """The same people (T, J, 3) at times (T,), swaying: nobody alive stands still to the bit."""
+    way = reach_m * np.sin(2.0 * np.pi * SWAY_HZ * times_s)
+    moved: FloatArray = body_m + way[:, None, None] * np.array([0.6, 0.8, 0.1])
+    return moved
+
+
 def skeleton_frames(
     body_m: FloatArray, rate_hz: float, start_ns: int, camera: Camera | None = None, person_id: int = 1
 ) -> Iterator[SkeletonFrame]:
@@ -215,6 +225,7 @@ def skeleton_frames(
         T frames in the camera's optical frame, all joints seen.
     """
     camera = camera or Camera()
+    body_m = swaying(body_m, np.arange(len(body_m)) / rate_hz)
     confidence = read_only(np.ones(len(BODY_JOINTS)))
     for index, positions in enumerate(camera.sees(body_m)):
         stamp_ns = start_ns + round(index * 1e9 / rate_hz)

@@ -13,6 +13,7 @@ from PIL import Image
 
 from mild_core.retargeting.robot import RobotModel
 from mild_core.shapes import FloatArray
+from mild_ros.assembly.trial_load import try_load
 from mild_ros.simulation.bullet import load_pybullet
 from mild_ros.simulation.quiet import quiet_terminal
 from mild_ros.viewing.body import BodyPart, Places
@@ -40,6 +41,7 @@ class Renderer:
 
     def __init__(self, bullet: ModuleType, client: int, robot: RobotModel, floor_m: float) -> None:
         self._bullet, self._client = bullet, client
+        try_load(robot.urdf_path, "pybullet")
         self._robot = bullet.loadURDF(str(robot.urdf_path), useFixedBase=True, physicsClientId=client)
         self._joints = {
             bullet.getJointInfo(self._robot, index, physicsClientId=client)[1].decode(): index

@@ -14,6 +14,7 @@ from test.habits.tree import ROOT, Import, imports, is_under, plant, python_file
 FOUNDATION = (
     *("mild_core.signals", "mild_core.shapes", "mild_core.errors", "mild_core.compiled", "mild_core.fields"),
     "mild_core.budgets",
+    *("mild_core.joint_measurements", "mild_core.printable"),
 )
 STAGES = ("mild_core.perception", "mild_core.inference", "mild_core.retargeting")
 NUMERICS = ("numpy", "numba", "ruckig", "safetensors")
@@ -34,6 +35,8 @@ LAWS = (
     Law("mild_core/__init__.py", (), ()),
     Law("mild_core/signals.py", FOUNDATION, ("numpy",)),
     Law("mild_core/shapes.py", FOUNDATION, ("numpy",)),
+    Law("mild_core/joint_measurements.py", FOUNDATION, ("numpy",)),
+    Law("mild_core/printable.py", (), ()),
     Law("mild_core/errors.py", FOUNDATION, ("numpy",)),
     Law("mild_core/fields.py", FOUNDATION, ()),
     Law("mild_core/budgets.py", FOUNDATION, ("numpy",)),

@@ -57,5 +57,22 @@ def test_a_launch_file_names_what_there_is(path: Path) -> None:
             assert (path.parent / word).is_file()
 
 
+@pytest.mark.parametrize("name", ["live", "simulation"])
+def test_nodes_of_a_robot_are_started_again_unless_it_is_forbidden(name: str) -> None:
+    tree = ast.parse((ROOT / f"mild_ros/launch/{name}.launch.py").read_text())
+    arguments = next(ast.literal_eval(node.value) for node in tree.body if isinstance(node, ast.Assign))
+    assert arguments["respawn"][0] == "true"
+    nodes = [node for node in ast.walk(tree) if isinstance(node, ast.Call) and ast.unparse(node.func) == "Node"]
+    for node in nodes:
+        given = {keyword.arg: ast.unparse(keyword.value) for keyword in node.keywords}
+        assert (given["respawn"], given["respawn_delay"]) == ("given['respawn']", "RESPAWN_DELAY_S")
+    text = (ROOT / "mild_ros/launch/simulation.launch.py").read_text()
+    assert '"use_sim_time", "respawn")\n' in text, "passed on to the pipeline"
+
+
+def test_a_replay_ends_with_a_node_that_fails() -> None:
+    assert '("respawn", "false")' in (ROOT / "mild_ros/launch/replay.launch.py").read_text()
+
+
 def test_the_default_configuration_is_there() -> None:
     assert {path.stem for path in CONFIGURATIONS} >= {"yumi", "yumi_abb", "pepper", "pepper_naoqi"}

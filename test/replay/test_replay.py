@@ -82,17 +82,22 @@ def test_a_reset_forgets_in_all_three_stages_but_keeps_their_counts(scene: Path,
     with open_bag(scene) as bag:
         for step in fold(bag, pipeline, INPUTS):
             state, now_ns = step.state, step.event.time_ns
-    assert state.perception.person is not None and state.retargeting.plan is not None
+    assert state.perception.person is not None
+    assert state.retargeting.plan is not None
     after, output = pipeline.step(state, Request("reset"), now_ns)
     fresh = pipeline.init()
-    assert after.perception.person is None and after.perception.calibration is None
-    assert state.inference.index > 0 and state.inference.stamp_ns is not None
+    assert after.perception.person is None
+    assert after.perception.calibration is None
+    assert state.inference.index > 0
+    assert state.inference.stamp_ns is not None
     assert (after.inference.index, after.inference.stamp_ns) == (fresh.inference.index, fresh.inference.stamp_ns)
-    assert after.retargeting.plan is None and after.retargeting.outcome == "reset"
+    assert after.retargeting.plan is None
+    assert after.retargeting.outcome == "reset"
     assert after.perception.counts == state.perception.counts
     assert after.inference.counts == state.inference.counts
     assert after.retargeting.counts == {**state.retargeting.counts, "reset": 1}
-    assert output.commands == () and output.motions == ()
+    assert output.commands == ()
+    assert output.motions == ()
 
 
 def command_bytes(path: Path) -> list[bytes]:

@@ -36,7 +36,8 @@ def acting(probe: Probe, driver: str, publish: Callable[[str, Any], None]) -> Ac
         due = (probe.now_ns() - start_ns) // period_ns
         if due > sent[0]:
             sent[0] = due
-            frame: SkeletonFrame = replace(still, stamp_ns=start_ns + due * period_ns)
+            alive = still.positions_m + 1e-6 * (due % 7)  # nobody is still to the bit
+            frame: SkeletonFrame = replace(still, stamp_ns=start_ns + due * period_ns, positions_m=alive)
             for topic, message in DRIVERS[driver].messages(frame):
                 publish(topic, message)
 

@@ -12,13 +12,16 @@ import numpy as np
 from mild_core.perception.stage import Perception, PerceptionSettings, PerceptionState
 from mild_core.shapes import FloatArray
 from mild_core.signals import FeatureWindow, SkeletonFrame
-from mild_ros.simulation.person import BODY_JOINTS, Camera, bodies
+from mild_ros.simulation.person import BODY_JOINTS, Camera, bodies, swaying
 
 UPPER_M, FORE_M = 0.18, 0.234
 """Bone lengths of the YuMi recordings."""
 
 FASTEST_M_S, SHARPEST_M_S2 = 0.82, 2.8
 """Of `swing`, by differences at 1 kHz, rounded up."""
+
+TINY_M = 1e-10
+"""Below all that is measured here, but no repetition to the bit."""
 
 PERSON = 7
 SECOND = 1_000_000_000
@@ -58,7 +61,7 @@ def seen(
     """A message for each stamp [s]; the motion starts at 1 s, after the neutral second."""
     times = np.array(list(stamps_s), dtype=np.float64)
     camera = camera or Camera()
-    positions = camera.sees(bodies(motion(times - 1.0)))
+    positions = camera.sees(swaying(bodies(motion(times - 1.0)), times, TINY_M))
     ones = np.ones(len(BODY_JOINTS))
     return [
         (SkeletonFrame(round(time * SECOND), camera.frame_id, person_id, BODY_JOINTS, joints, ones),)
