@@ -13,6 +13,7 @@ from typing import Any
 import typer
 
 from mild_core.errors import MildError
+from mild_ros.local_dds import OPTION, keep_to_this_machine
 
 COMMANDS = {
     "demo": "The main job on a bag we ship: tracker messages in, a simulated robot moves, results to look at.",
@@ -27,6 +28,9 @@ COMMANDS = {
     "plot": "The figures and tables of a paper, from a model and its recording or from measured errors.",
 }
 """Each is the function of that name in the module of that name; the text is what `mild --help` says of it."""
+
+LOCAL = ("demo", "replay", "faults")
+"""They start all nodes that they talk to, on this machine; with `--local` any command keeps to it."""
 
 EXIT_SET_UP, EXIT_INTERRUPTED = 2, 130
 
@@ -104,6 +108,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     wanted = next((word for word in given if not word.startswith("-")), None)
+    if OPTION in given or wanted in LOCAL:
+        given = [word for word in given if word != OPTION]
+        keep_to_this_machine()
     assemble(wanted)(args=given, prog_name="mild")
 
 
