@@ -135,9 +135,8 @@ def write_mcap(
     definition = definition or jazzy_types().generate_msgdef(MARKERS, ros_version=2)[0]
     schema = record(3, struct.pack("<H", 1) + text(type_name) + text("ros2msg") + text(definition))
     about = text("offered_qos_profiles") + text(qualities) if qualities else b""
-    channel = record(
-        4, struct.pack("<HH", 1, 1) + text("/body_tracking_data") + text("cdr") + struct.pack("<I", len(about)) + about
-    )
+    channel = struct.pack("<HH", 1, 1) + text("/body_tracking_data") + text("cdr")
+    channel = record(4, channel + struct.pack("<I", len(about)) + about)
     data = MAGIC + record(1, text("ros2") + text("hostile")) + schema + channel
     index = b""
     for chunk in chunks:
@@ -583,7 +582,7 @@ def opened(name: str, folder: Path, *, salvage: bool = False) -> Outcome:
         process.returncode = os.waitstatus_to_exitcode(status)
     said = [line for line in (folder / "stderr").read_text(errors="replace").splitlines() if line.strip()]
     line = said[-1] if said else ""
-    for place in (folder / "made", folder / "tmp"):
+    for place in (folder / "made", folder / "tmp", folder / "out", folder):
         line = line.replace(f"{place}/", "")
     return Outcome(
         name,

@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 import subprocess
 import time
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
@@ -25,7 +26,7 @@ from test.habits.tree import ROOT
 MEMORY_BYTES, FILE_BYTES, SECONDS = 1 << 30, 1 << 30, 60
 """What a process that opens a hostile bag may take beyond what it has when it starts to."""
 
-EVENTS = ("a message a year after the others", "a message every 59 minutes")
+EVENTS = ("a message a year after the others", "a message every 9 minutes")
 """What only a replay falls for; reading them is no harm."""
 
 SALVAGED = {
@@ -72,8 +73,8 @@ def test_a_hostile_bag_is_refused_within_its_limits(name: str, salvage: bool, tm
     file = made(name, tmp_path)
     read, undecodable, line = read_within_limits(file, salvage)
     assert "\n" not in line
-    if name == "a message of 200 MB of small parts":
-        assert (read, undecodable, line) == (3, 3, "")
+    if name == "messages of 60 MB of small parts":
+        assert (read, undecodable, line) == (2, 2, "")
     elif not (salvage and name in SALVAGED):
         assert line.startswith(str(file.parent)), "refused, and by name"
         assert read == 0
@@ -85,7 +86,8 @@ def test_what_leads_out_is_refused_in_the_same_words_with_and_without_salvage(tm
         file = made(name, tmp_path / str(index))
         lines = {str(opened(file, salvage=salvage).error) for salvage in (False, True)}
         assert len(lines) == 1, lines
-        assert any(word in lines.pop() for word in ("is a named pipe", "is a socket", "is a link out of the bag, to /"))
+        line = lines.pop()
+        assert any(words in line for words in ("is a named pipe", "is a socket", "is a link out of the bag, to /"))
 
 
 def test_links_within_the_bag_and_to_the_bag_are_followed(tmp_path: Path) -> None:
@@ -107,35 +109,42 @@ def test_a_bag_of_links_says_how_to_open_it_and_that_works(tmp_path: Path) -> No
     write_ours(bag)
     (bag / "bag.mcap").rename(tmp_path / "0a1b")
     (bag / "bag.mcap").symlink_to("../0a1b")
-    with pytest.raises(BagError, match=r"bag\.mcap: is a link out of the bag, to .*/0a1b; if you trust it: cp -rL bag"):
-        with open_bag(bag):
-            pass
+    words = r"bag\.mcap: is a link out of the bag, to .*/0a1b; if you trust it: cp -rL bag COPY"
+    with pytest.raises(BagError, match=words), open_bag(bag):
+        pass
     subprocess.run(["cp", "-rL", bag, tmp_path / "COPY"], check=True)
     assert opened(tmp_path / "COPY", salvage=False).read == 24
 
 
-@pytest.mark.parametrize("name", EVENTS)
-def test_a_replay_does_not_wait_for_ever(name: str, tmp_path: Path) -> None:
-    outcome = hostile_files.opened(name, tmp_path / "run")
+@pytest.mark.slow
+def test_a_replay_does_not_wait_for_ever(tmp_path: Path) -> None:
+    outcome = hostile_files.opened(EVENTS[0], tmp_path / "run")
     assert (outcome.code, outcome.lines) == (2, 1), outcome
-    assert "has no message for" in outcome.line
-    assert "a replay lasts at most an hour" in outcome.line
+    assert "has no message for 365 days after its first 2" in outcome.line
+    assert "a replay lasts at most 10 min and 10 s for each message" in outcome.line
 
 
 def test_honest_pauses_pass() -> None:
     budget = TimeBudget()
     times = [index * 3.3e7 for index in range(1000)]
-    times += [times[-1] + 3.5e12, *(times[-1] + 3.5e12 + index * 3.3e7 for index in range(1000)), 0.0, 1e9]
+    times += [times[-1] + 9e12, *(times[-1] + 9e12 + index * 3.3e7 for index in range(1000)), 0.0, 1e9]
     for time_ns in times:
         budget.reach(round(time_ns))
+
+
+def lived_through(times_ns: Iterable[int]) -> None:
     budget = TimeBudget()
+    for time_ns in times_ns:
+        budget.reach(time_ns)
+
+
+def test_endless_pauses_do_not_pass() -> None:
     with pytest.raises(OverBudgetError, match="has no message for 365 days after its first 2"):
-        for time_ns in (0, 1, 365 * 24 * 3600 * 10**9):
-            budget.reach(time_ns)
-    budget = TimeBudget()
-    with pytest.raises(OverBudgetError, match="hours"):
-        for index in range(10_000):  # time that begins again and again
-            budget.reach(START_NS + index % 2 * 3000 * 10**9)
+        lived_through((0, 1, 365 * 24 * 3600 * 10**9))
+    with pytest.raises(OverBudgetError, match=r"has no message for 0\.1 hours"):  # time that begins again and again
+        lived_through(START_NS + index % 2 * 500 * 10**9 for index in range(10_000))
+    with pytest.raises(OverBudgetError, match="has no message for 2 days"):
+        lived_through([*range(100_000), 48 * 3600 * 10**9 + 10**6])
 
 
 @pytest.mark.parametrize("unpack", [unzstd, unlz4, unbz2])
@@ -182,7 +191,6 @@ def test_the_document_lists_every_hostile_file() -> None:
 
 def test_a_full_disk_for_temporary_files_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("mild_ros.bag_budgets.SCRATCH_LEFT_BYTES", 1 << 60)
-    with pytest.raises(BagError, match="would fill the disk of .*; set TMPDIR to a folder on a larger disk"):
-        hostile_files.write_packed_file(tmp_path / "bag")
-        with open_bag(tmp_path / "bag"):
-            pass
+    hostile_files.write_packed_file(tmp_path / "bag")
+    with pytest.raises(BagError, match=r"would fill the disk of .*; set TMPDIR to"), open_bag(tmp_path / "bag"):
+        pass
