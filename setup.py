@@ -60,6 +60,7 @@ setup(
     # ROS 2 itself comes from apt or from the wheels of requirements/runtime.txt, which an apt install does not have.
     install_requires=[
         "daqp",
+        "lz4",
         "matplotlib",
         "numba",
         "numpy",

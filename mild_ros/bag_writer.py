@@ -10,6 +10,7 @@ from __future__ import annotations
 import errno
 import io
 import os
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -107,6 +108,7 @@ class BagWriter:
         """
         if not self._open:
             return
+        self._check_place()
         with self._or_rescue():
             if self._storage.chunk.bio.tell():
                 self._storage.close_chunk()
@@ -121,6 +123,7 @@ class BagWriter:
         """
         if not self._open:
             return
+        self._check_place()
         self._reserve.unlink(missing_ok=True)
         with self._or_rescue():
             self._end()
@@ -130,6 +133,7 @@ class BagWriter:
         """End this file and go on in the next when it is as long as it may be; a part is whole by itself."""
         if not self._split_bytes or self._whole < self._split_bytes:
             return
+        self._check_place()
         before = self._storage
         before.close(self._writer.version, "{}")
         self._parts.append(set_aside(before, len(self._parts)))
@@ -142,12 +146,32 @@ class BagWriter:
         if self._parts:
             list_parts(self._writer.metapath, [*self._parts, set_aside(last, len(self._parts))])
 
+    def _check_place(self) -> None:
+        """Make sure that the file written to is still the one of that name: another program may remove the folder.
+
+        Raises:
+            BagError: It is not; nothing is written in its place, wherever that may lead now.
+        """
+        own = os.fstat(self._file.fileno())
+        try:
+            folder, file = os.lstat(self.path), os.lstat(self._storage.path)
+        except OSError:
+            pass
+        else:
+            if stat.S_ISDIR(folder.st_mode) and (file.st_dev, file.st_ino) == (own.st_dev, own.st_ino):
+                return
+        self._open, self.counts = False, {}
+        self._file.close()
+        remedy = "its messages are lost with it; if it was moved, --salvage reads what was flushed"
+        raise BagError(str(self.path), "was removed or replaced while it was written", remedy)
+
     @contextmanager
     def _or_rescue(self) -> Iterator[None]:
         """Turn a disk's refusal into one line, after saving what can be saved."""
         try:
             yield
         except OSError as error:
+            self._check_place()
             kept = self._rescue()
             total = sum(self.counts.values())
             what = f"the first {total} messages are kept" if kept else "what was flushed is kept, --salvage reads it"

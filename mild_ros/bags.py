@@ -22,10 +22,22 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from mild_core.errors import BagError, DataError
+from mild_ros.bag_budgets import (
+    DECODED_BYTES,
+    DISTRUST,
+    FLAT_TYPES,
+    SALVAGE,
+    Account,
+    OverBudgetError,
+    check_file,
+    check_metadata,
+    check_types,
+    is_storage,
+)
 from mild_ros.ros1 import SUFFIX, as_rosbag2
 from mild_ros.salvage import salvage as save_what_is_left
 
-SALVAGE = "add --salvage to read what is left of it"
+METADATA = "metadata.yaml"
 
 
 @dataclass(frozen=True)
@@ -70,6 +82,7 @@ class BagReader:
         self.start_ns = int(reader.start_time)
         self.duration_s = max(int(reader.duration), 0) * 1e-9
         self._reader = reader
+        self._bag_bytes = Account.of(path).bag_bytes
         self._types: Typestore | None = None
         self.topics: Mapping[str, TopicSummary] = {
             topic: TopicSummary(info.msgtype or "(several types)", info.msgcount)
@@ -96,14 +109,19 @@ class BagReader:
         wanted = [c for c in self._reader.connections if topics is None or c.topic in topics]
         if not wanted:
             return
+        account = Account(self._bag_bytes)
         expected, seen = sum(c.msgcount for c in wanted), 0
         source = self._reader.messages(connections=wanted, start=start_ns)
         while True:
+            account.use()
             try:
                 connection, time_ns, data = next(source)
+                account.unpack(len(data))
                 raw = RawMessage(connection.topic, connection.msgtype, _time(time_ns), bytes(data))
             except StopIteration:
                 break
+            except OverBudgetError as error:
+                raise error.of(self.path) from None
             except Exception as error:  # any failure on foreign bytes is the bag's fault, whatever its class
                 raise BagError(str(self.path), f"breaks off after {seen} messages ({_why(error)})", SALVAGE) from None
             seen += 1
@@ -117,6 +135,8 @@ class BagReader:
         Raises:
             DataError: `undecodable` when the bytes do not hold a message of that type.
         """
+        if len(raw.data) > DECODED_BYTES and raw.type_name not in FLAT_TYPES:
+            raise DataError("undecodable", f"{raw.topic} at {raw.time_ns}: has {len(raw.data)} bytes")
         own = any(connection.msgtype == raw.type_name for connection in self._reader.connections)
         try:
             if not own:  # a message that was made here, not read from the bag
@@ -140,23 +160,34 @@ def open_bag(path: Path | str, *, salvage: bool = False) -> Iterator[BagReader]:
     path = Path(path)
     if not path.exists():
         raise BagError(str(path), "there is no such bag", "give the folder of a bag (it holds metadata.yaml) or a file")
-    with ExitStack() as stack:
-        part, lost = path, ""
-        if salvage and path.suffix != SUFFIX:
-            saved = save_what_is_left(path, _scratch(stack), jazzy_types())
-            part, lost = saved.path, saved.lost
-        elif path.suffix == SUFFIX:
-            part, lost = as_rosbag2(path, _scratch(stack), jazzy_types())
-        else:
-            _check_folder(path)
-        try:
-            reader = stack.enter_context(AnyReader([part], default_typestore=jazzy_types()))
-            bag = BagReader(path, reader, lost)
-        except Exception as error:  # rosbags raises many classes here, its own and raw ones
-            raise BagError(str(path), f"cannot be read as a bag ({_why(error)})", _remedy(salvage)) from None
-        if not salvage:
-            _check_counts(path, reader)
-        yield bag
+    try:
+        with ExitStack() as stack:
+            yield _opened(path, salvage, stack)
+    except OverBudgetError as error:
+        raise error.of(path) from None
+
+
+def _opened(path: Path, salvage: bool, stack: ExitStack) -> BagReader:
+    """The bag, within its budgets and until `stack` is left."""
+    _check_files(path, salvage)
+    Account.of(path).use()
+    part, lost = path, ""
+    if salvage and path.suffix != SUFFIX:
+        saved = save_what_is_left(path, _scratch(stack), jazzy_types())
+        part, lost = saved.path, saved.lost
+    elif path.suffix == SUFFIX:
+        part, lost = as_rosbag2(path, _scratch(stack), jazzy_types())
+    try:
+        reader = stack.enter_context(AnyReader([part], default_typestore=jazzy_types()))
+        check_types(reader.typestore.fielddefs)
+        bag = BagReader(path, reader, lost)
+    except OverBudgetError:
+        raise
+    except Exception as error:  # rosbags raises many classes here, its own and raw ones
+        raise BagError(str(path), f"cannot be read as a bag ({_why(error)})", _remedy(salvage)) from None
+    if not salvage:
+        _check_counts(path, reader)
+    return bag
 
 
 def _scratch(stack: ExitStack) -> Path:
@@ -188,22 +219,33 @@ def topic_of_type(reader: BagReader, type_name: str, wanted: str = "") -> str:
     raise BagError(str(reader.path), f"has no topic of {type_name}, but {listing}", "choose another bag or source")
 
 
-def _check_folder(path: Path) -> None:
-    """Refuse a folder whose metadata is missing, unreadable or points out of the bag."""
+def _check_files(path: Path, salvage: bool) -> None:
+    """Refuse a folder whose metadata is missing or points out of the bag, and files that cannot be those of a bag.
+
+    With `salvage` every file counts that could hold messages, without it those that the metadata names.
+    """
     if not path.is_dir():
-        if path.suffix not in (".mcap", ".db3"):
+        check_file(path, path)
+        if path.suffix not in (".mcap", ".db3", SUFFIX) and not salvage:
             raise BagError(str(path), "is no bag", "give a folder with metadata.yaml, or a .mcap, .db3 or .bag file")
         return
-    file = path / "metadata.yaml"
+    file = path / METADATA
+    if os.path.lexists(file):
+        check_file(file, path)
+    if salvage:
+        for storage in sorted(path.iterdir()):
+            if is_storage(storage):
+                check_file(storage, path)
+        return
     if not file.exists():
-        storage = any(path.glob("*.mcap*")) or any(path.glob("*.db3*"))
-        remedy = SALVAGE if storage else "give the folder that `ros2 bag record` or `mild_ros record` wrote"
+        holds = any(path.glob("*.mcap*")) or any(path.glob("*.db3*"))
+        remedy = SALVAGE if holds else "give the folder that `ros2 bag record` or `mild_ros record` wrote"
         raise BagError(str(path), "has no metadata.yaml", remedy)
-    names = [PurePosixPath(name) for name in _listed_files(file.read_text(errors="replace"))]
-    for name in names:
-        # Path.is_symlink would raise at a name that no disk can hold.
-        if name.is_absolute() or ".." in name.parts or os.path.islink(path / name.name):
-            raise BagError(str(file), f"points outside the bag ({name})", "do not trust this bag")
+    for name in [PurePosixPath(name) for name in _listed_files(check_metadata(file))]:
+        if name.is_absolute() or ".." in name.parts:
+            raise BagError(str(file), f"points outside the bag ({name})", DISTRUST)
+        if os.path.lexists(path / name.name):
+            check_file(path / name.name, path)
 
 
 def _listed_files(metadata: str) -> list[str]:

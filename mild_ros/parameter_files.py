@@ -10,9 +10,11 @@ from typing import Any, TypeVar
 
 import yaml
 
+from mild_core.budgets import SETTINGS_BYTES, read_file
 from mild_core.errors import SetupError, unknown_name
 from mild_ros.parameters import from_values
 from mild_ros.share import share_folder
+from mild_ros.yaml_budget import check_yaml
 
 Parameters = TypeVar("Parameters")
 
@@ -27,7 +29,7 @@ def configuration(name: str) -> Path:
     folder = here if here.is_dir() else share_folder("config")
     path = Path(name).expanduser()
     for found in (folder / f"{name}.yaml", path, path.with_name(f"{path.name}.yaml")):
-        if found.is_file():
+        if found.exists() and not found.is_dir():
             return found
     raise unknown_name("config", name, sorted(file.stem for file in folder.glob("*.yaml")))
 
@@ -64,7 +66,7 @@ def changed(parameters: Any) -> dict[str, Any]:
 
 def _of_file(path: Path, node: str) -> dict[str, Any]:
     """What a file says of a node, in whatever namespace; what it says of all nodes comes first."""
-    content = _parsed(str(path), path.read_text(errors="replace"))
+    content = _parsed(str(path), read_file(path, SETTINGS_BYTES).decode(errors="replace"))
     values: dict[str, Any] = {}
     for name, part in sorted(content.items()) if isinstance(content, Mapping) else ():
         if str(name).rsplit("/", 1)[-1] not in ("**", node):
@@ -79,6 +81,7 @@ def _of_file(path: Path, node: str) -> dict[str, Any]:
 
 def _parsed(thing: str, text: str) -> Any:
     try:
+        check_yaml(text)
         return yaml.safe_load(text)
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, ValueError) as error:
         raise SetupError(thing, f"is no YAML ({str(error).splitlines()[0]})", "put texts into quotes") from None

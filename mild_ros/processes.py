@@ -18,6 +18,7 @@ from pathlib import Path
 from types import FrameType, TracebackType
 
 from mild_core.errors import SetupError
+from mild_ros.local_dds import local_environment
 
 DOMAINS = range(1, 102)
 """Above it the ports of a domain reach into those that Linux hands out to anybody (32768 and up)."""
@@ -88,14 +89,8 @@ class Nodes:
         log_folder.mkdir(parents=True, exist_ok=True)
         self.log_folder = log_folder
         self._running: dict[str, subprocess.Popen[bytes]] = {}
-        self._environment = dict(
-            os.environ,
-            ROS_DOMAIN_ID=str(domain),
-            ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
-            ROS_LOG_DIR=str(log_folder),
-            PYTHONUNBUFFERED="1",
-            PYTHONSAFEPATH="1",
-        )
+        own = {"ROS_LOG_DIR": str(log_folder), "PYTHONUNBUFFERED": "1", "PYTHONSAFEPATH": "1"}
+        self._environment = local_environment(os.environ, domain) | own
         self._prctl = ctypes.CDLL(None).prctl
 
     def __enter__(self) -> Nodes:

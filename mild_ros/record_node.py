@@ -20,7 +20,7 @@ from mild_ros.guarded import GuardedNode
 from mild_ros.message_types import message_class
 from mild_ros.parameters import declare
 from mild_ros.quality_of_service import is_latched, strictest
-from mild_ros.running import giving_up, run
+from mild_ros.running import give_up, giving_up, has_given_up, run
 
 LOOK_PERIOD_S, FLUSH_PERIOD_S = 0.1, 1.0
 DEPTH = 5000
@@ -48,10 +48,14 @@ class RecordNode(GuardedNode):
 
     def destroy_node(self) -> None:
         """End the bag, then the node."""
-        self._recording.__exit__(None, None, None)
+        try:
+            self._recording.__exit__(None, None, None)
+        except SetupError as error:  # at the very end too this is one line
+            give_up(self, error)
         passed = f"; not recorded: {', '.join(sorted(self._passed_over))}" if self._passed_over else ""
-        said = f"mild_ros record: {sum(self._bag.counts.values())} messages in {self._bag.path}{passed}"
-        print(printable_lines(said), flush=True)
+        if self._bag.counts or not has_given_up(self):  # otherwise nothing is there
+            said = f"mild_ros record: {sum(self._bag.counts.values())} messages in {self._bag.path}{passed}"
+            print(printable_lines(said), flush=True)
         super().destroy_node()
 
     def _look(self) -> None:

@@ -20,6 +20,7 @@ from mild_core.perception.skeletons import SkeletonSource
 from mild_core.pipeline import Pipeline, PipelineInput, PipelineOutput, PipelineState
 from mild_core.retargeting.robot import RobotModel
 from mild_core.signals import JointMeasurement
+from mild_ros.bag_budgets import OverBudgetError, TimeBudget
 from mild_ros.bag_people import skeleton_feeds
 from mild_ros.bag_writer import BagWriter, create_bag
 from mild_ros.bags import BagReader, RawMessage, open_bag, topic_of_type
@@ -74,7 +75,12 @@ class Inputs:
         wanted, feeds = self.topics(bag), self.feeds(bag)
         at_home = self.joint_states == "home" or (self.joint_states == "auto" and JOINT_STATES not in wanted.values())
         start_ns = self._start_ns(bag)
+        budget = TimeBudget()
         for raw in bag.messages(wanted, start_ns):
+            try:
+                budget.reach(raw.time_ns)
+            except OverBudgetError as error:
+                raise error.of(bag.path) from None
             if at_home:
                 yield Event(raw.time_ns, JOINT_STATES, self._at_home(raw.time_ns))
                 at_home = False

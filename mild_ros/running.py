@@ -106,6 +106,11 @@ def give_up(node: Node, error: SetupError) -> None:
     rclpy.try_shutdown()
 
 
+def has_given_up(node: Node) -> bool:
+    """Whether `give_up` is ending the program."""
+    return getattr(node, _ENDED_BY, None) is not None
+
+
 @contextmanager
 def giving_up(node: Node) -> Iterator[None]:
     """Around what a callback does: a `SetupError` in it ends the program as `give_up` does."""
@@ -182,6 +187,8 @@ def _spin(node: Node, interruption: _Interruption) -> None:
         executor.remove_node(node)
         node.destroy_node()
         executor.shutdown()
+    if (error := getattr(node, _ENDED_BY, None)) is not None:  # its end has failed
+        raise error
 
 
 class _Interruption:

@@ -15,16 +15,25 @@ from pathlib import Path
 
 from rosbags.interfaces import Connection
 from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from mild_core.errors import BagError
+from mild_ros.bag_budgets import (
+    METADATA_BYTES,
+    OverBudgetError,
+    check_scratch,
+    is_storage,
+    types_from_idl,
+    types_from_msg,
+)
 from mild_ros.salvage_found import Found, Loss, unpacked
 from mild_ros.salvage_mcap import mcap_messages
 from mild_ros.salvage_sqlite import sqlite_messages
 
 _PACKED = (".zstd", ".zst")
-_METADATA_BYTES = 2**24
+CHECK_BYTES = 1 << 24
+"""After so many more bytes it is looked how many there are in all, and how full the disk is."""
 
 
 @dataclass(frozen=True)
@@ -53,10 +62,10 @@ def salvage(path: Path, scratch: Path, types: Typestore) -> Salvaged:
     Raises:
         BagError: There is nothing to read.
     """
-    files = sorted(file for file in path.iterdir() if file.is_file()) if path.is_dir() else [path]
+    files = sorted(file for file in path.iterdir() if is_storage(file)) if path.is_dir() else [path]
     loss = Loss()
     with Writer(scratch / "salvaged", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        written = _Rewriting(writer, types)
+        written = _Rewriting(writer, types, sum(file.stat().st_size for file in files))
         for file in files:
             for found in _messages(file, scratch, loss):
                 written.add(found, loss)
@@ -79,7 +88,7 @@ def _messages(file: Path, scratch: Path, loss: Loss) -> Iterator[Found]:
 
 def _announced(metadata: Path) -> int | None:
     """How many messages metadata.yaml speaks of; it may itself be broken."""
-    if not metadata.is_file() or metadata.stat().st_size > _METADATA_BYTES:
+    if not metadata.is_file() or metadata.stat().st_size > METADATA_BYTES:
         return None
     found = re.search(r"^  message_count: *(\d{1,15})\s*$", metadata.read_text(errors="replace"), re.MULTILINE)
     return int(found.group(1)) if found else None
@@ -96,8 +105,9 @@ def _told(loss: Loss, saved: int, announced: int | None) -> str:
 class _Rewriting:
     """Messages of any origin into one new file."""
 
-    def __init__(self, writer: Writer, types: Typestore) -> None:
-        self.saved = 0
+    def __init__(self, writer: Writer, types: Typestore, bag_bytes: int) -> None:
+        self.saved = self._written = self._checked = 0
+        self._bag_bytes, self._scratch = bag_bytes, writer.path.parent
         self._writer = writer
         self._connections: dict[tuple[str, str], Connection | None] = {}
         self._known = types
@@ -111,6 +121,10 @@ class _Rewriting:
         if connection is None:
             loss.messages += 1
             return
+        self._written += len(found.data)
+        if self._written >= self._checked + CHECK_BYTES:
+            self._checked = self._written
+            check_scratch(self._scratch, self._written, self._bag_bytes)
         self._writer.write(connection, found.time_ns, found.data)
         self.saved += 1
 
@@ -132,10 +146,12 @@ def _is_whole(definition: str, type_name: str) -> bool:
     try:
         if definition.startswith(f"{rule}IDL: "):
             parts = [part.split("\n", 1)[1] for part in definition.split(rule)[1:]]
-            types = {name: kind for part in parts for name, kind in get_types_from_idl(part).items()}
+            types = {name: kind for part in parts for name, kind in types_from_idl(part).items()}
         else:
-            types = get_types_from_msg(definition, type_name)
+            types = types_from_msg(definition, type_name)
         get_typestore(Stores.EMPTY).register(types)
+    except OverBudgetError:
+        raise
     except Exception:  # a parser on foreign bytes
         return False
     return bool(definition) and type_name in types

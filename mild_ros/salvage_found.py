@@ -7,6 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import zstandard
+from rosbags.rosbag2 import storage_mcap
+
+from mild_ros.bag_budgets import UNPACK, check_scratch, unzstd
 
 _ZSTD_FRAME = b"\x28\xb5\x2f\xfd"
 """Begins a packed message; a CDR message begins with a zero."""
@@ -48,13 +51,16 @@ class Loss:
 
 def unpacked(file: Path, target: Path, loss: Loss) -> Path:
     """Unpack a file that is zstd as a whole into `target`, as far as it goes."""
+    size, written = file.stat().st_size, 0
     with file.open("rb") as given, target.open("wb") as whole:
         reader = zstandard.ZstdDecompressor().stream_reader(given, read_across_frames=True)
         try:
             while block := reader.read(_BLOCK_BYTES):
+                written += len(block)
+                check_scratch(target.parent, written, size, UNPACK)
                 whole.write(block)
         except zstandard.ZstdError:
-            loss.unread_bytes += file.stat().st_size - given.tell()
+            loss.unread_bytes += size - given.tell()
     return target
 
 
@@ -63,6 +69,6 @@ def message_bytes(data: bytes) -> bytes | None:
     if not data.startswith(_ZSTD_FRAME):
         return data
     try:
-        return zstandard.ZstdDecompressor().decompressobj().decompress(data)
-    except zstandard.ZstdError:
+        return unzstd(data)
+    except (storage_mcap.zstd.ZstdError, ValueError):
         return None

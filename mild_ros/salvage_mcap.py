@@ -14,8 +14,7 @@ import struct
 from collections.abc import Iterator
 from pathlib import Path
 
-from rosbags.rosbag2.storage_mcap import decompress
-
+from mild_ros.bag_budgets import CHUNK_BYTES, OverBudgetError, decompress
 from mild_ros.salvage_found import Found, Loss, message_bytes
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -27,7 +26,6 @@ _MESSAGE_HEADER = struct.Struct("<HIQQ")
 _CHUNK_HEADER = struct.Struct("<QQQII")
 _INDEX_ENTRY_BYTES = 16
 _COMPRESSIONS = tuple(struct.pack("<I", len(name)) + name for name in (b"zstd", b"lz4"))
-_LARGEST_CHUNK = 2**31
 
 Bytes = bytes | mmap.mmap
 Record = tuple[int, int, int]
@@ -143,9 +141,11 @@ def _unpack(data: Bytes, begin: int, stop: int) -> bytes | None:
         name = bytes(data[at : at + min(length, 16)]).decode()
         (packed,) = struct.unpack_from("<Q", data, at + length)
         content = at + length + 8
-        if content + packed > stop or size > _LARGEST_CHUNK:
+        if content + packed > stop or size > CHUNK_BYTES:
             return None
         return decompress(bytes(data[content : content + packed]), name, size, checksum)
+    except OverBudgetError:
+        raise
     except Exception:  # each compression has its own errors
         return None
 

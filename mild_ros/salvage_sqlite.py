@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
+from mild_ros.bag_budgets import CHUNK_BYTES, check_scratch, only_reading
 from mild_ros.salvage_found import Found, Loss, message_bytes
 
 _BESIDE = ("", "-wal", "-journal")
@@ -33,12 +34,16 @@ Row = tuple[object, ...]
 def sqlite_messages(file: Path, scratch: Path, loss: Loss) -> Iterator[Found]:
     """Messages in the order of their numbers, read from a copy in `scratch` so that the bag stays as it is."""
     scratch.mkdir()
+    size = file.stat().st_size
+    check_scratch(scratch, size, size)
     for ending in _BESIDE:
         beside = file.with_name(file.name + ending)
         if beside.is_file():
             shutil.copyfile(beside, scratch / beside.name)
     _pad(scratch / file.name)
     with closing(sqlite3.connect(scratch / file.name)) as database:
+        database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, CHUNK_BYTES)
+        database.set_authorizer(only_reading)
         database.text_factory = lambda text: text.decode(errors="replace")
         topics = {row[0]: row[1:] for row in _rows(database, "SELECT id, name, type FROM topics")}
         texts = _rows(database, "SELECT topic_type, encoded_message_definition FROM message_definitions")
@@ -86,19 +91,26 @@ def _messages(database: sqlite3.Connection, loss: Loss) -> Iterator[Row]:
     number = misses = 0
     while misses < _MISSES:
         try:
-            rows = _limited(database).execute(f"{columns} > ? ORDER BY id LIMIT 500", (number,)).fetchall()
-            if not rows:
+            # One by one: each row may be as long as the file.
+            rows = iter(_limited(database).execute(f"{columns} > ? ORDER BY id LIMIT 500", (number,)))
+            row = next(rows, None)
+            if row is None:
                 return
         except _FAULTS:  # somewhere behind `number`: go on one by one
             number += 1
-            rows = _rows(database, f"{columns} = {number}")
-            misses += not rows
-        for row in rows:
+            rows = iter(_rows(database, f"{columns} = {number}"))
+            row = next(rows, None)
+            misses += row is None
+        while row is not None:
             if not isinstance(row[0], int) or row[0] < number:
                 return  # the order is broken: it would lead round in a circle
             number = row[0]
             loss.messages, misses = loss.messages + misses, 0
             yield row[1:]
+            try:
+                row = next(rows, None)
+            except _FAULTS:
+                break
     loss.messages += 1  # and perhaps more: nothing tells how many come behind what cannot be read
 
 

@@ -14,6 +14,7 @@ import typer
 
 from mild_core.errors import MildError, SetupError
 from mild_core.printable import printable_lines
+from mild_ros.local_dds import OPTION, keep_to_this_machine
 from mild_ros.terminal import show_any_text
 
 COMMANDS = {
@@ -43,6 +44,9 @@ The text is what `mild --help` says of it.
 
 MODULES = {"record": "run", "status": "operate", "hold": "operate", "enable": "operate", "reset": "operate"}
 """Commands that share a module with others."""
+
+LOCAL = ("demo", "replay", "faults")
+"""They start all nodes that they talk to, on this machine; with `--local` any command keeps to it."""
 
 EXIT_SET_UP, EXIT_INTERRUPTED = 2, 130
 
@@ -136,6 +140,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     show_any_text()
     given = list(sys.argv[1:] if arguments is None else arguments)
     wanted = next((word for word in given if not word.startswith("-")), None)
+    if OPTION in given or wanted in LOCAL:
+        given = [word for word in given if word != OPTION]
+        keep_to_this_machine()
     try:
         app = assemble(wanted)
     except ModuleNotFoundError as error:

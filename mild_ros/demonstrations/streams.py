@@ -19,6 +19,7 @@ import numpy as np
 from mild_core.errors import DataError
 from mild_core.signals import JointMeasurement
 from mild_ros.assembly.perception import skeleton_source
+from mild_ros.bag_budgets import OverBudgetError, TimeBudget
 from mild_ros.bag_people import skeleton_feeds
 from mild_ros.bags import BagReader, topic_of_type
 from mild_ros.demonstrations.labels import LABEL_TYPE, TOPIC
@@ -96,8 +97,13 @@ def read_streams(bag: BagReader, settings: DemonstrationSettings, on_message: Ca
     """
     streams = Streams()
     wanted = readers(bag, settings, streams)
+    budget = TimeBudget()
     for raw in bag.messages(wanted):
         on_message()
+        try:
+            budget.reach(raw.time_ns)  # what comes of it is resampled
+        except OverBudgetError as error:
+            raise error.of(bag.path) from None
         try:
             message = bag.decode(raw)
             for read in wanted[raw.topic]:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import resource
+import shutil
 import signal
 import subprocess
 from collections.abc import Iterator
@@ -139,6 +140,41 @@ def test_a_disk_that_takes_no_more_is_one_line(sender: Node, tmp_path: Path) -> 
     assert len(lines) == 1, errors
     assert "while writing" in lines[0]
     assert kept_numbers(tmp_path / "bag", salvage=True) > 100
+    sender.destroy_publisher(publisher)
+
+
+@pytest.mark.parametrize("replaced_by", ["nothing", "a link", "a folder", "another name"])
+@pytest.mark.parametrize("at_the_end", [False, True], ids=["while it records", "at its end"])
+def test_a_folder_that_goes_away_is_one_line(replaced_by: str, at_the_end: bool, sender: Node, tmp_path: Path) -> None:
+    bag, elsewhere = tmp_path / "bag", tmp_path / "elsewhere"
+    publisher = sender.create_publisher(String, f"text_{replaced_by.replace(' ', '_')}_{int(at_the_end)}", 1000)
+    elsewhere.mkdir()
+    (elsewhere / ".reserve").write_text("somebody else's")
+    with node("record", {"bag": bag}) as process:
+        generator = np.random.default_rng(0)
+        heard(publisher, noise(generator, 0), bag)
+        if at_the_end:
+            process.send_signal(signal.SIGSTOP)  # it notices once a second; here its end comes first
+        bag.rename(tmp_path / "moved")
+        if replaced_by == "a link":
+            bag.symlink_to(elsewhere)
+        elif replaced_by == "a folder":
+            bag.mkdir()
+        if replaced_by != "another name":
+            shutil.rmtree(tmp_path / "moved")
+        if at_the_end:
+            process.send_signal(signal.SIGINT)
+            process.send_signal(signal.SIGCONT)
+        output, errors = process.communicate(timeout=60)
+    assert process.returncode == 2, errors
+    lines = [line for line in errors.splitlines() if not line.startswith("[INFO]")]
+    assert len(lines) == 1, errors
+    assert "was removed or replaced while it was written" in lines[0]
+    assert "messages in" not in output
+    assert [path.name for path in elsewhere.iterdir()] == [".reserve"]
+    if replaced_by == "another name":
+        with open_bag(tmp_path / "moved", salvage=True) as moved:
+            assert sum(topic.count for topic in moved.topics.values()) > 0
     sender.destroy_publisher(publisher)
 
 

@@ -129,7 +129,7 @@ def test_a_huge_memo_index_costs_nothing(tmp_path):
 def test_a_zip_bomb_is_refused_unread(tmp_path, monkeypatch):
     monkeypatch.setattr("mild_core.learning.archive.LARGEST_BYTES", 1000)
     np.savez_compressed(tmp_path / "a.npz", tracks=np.zeros(1000))
-    with pytest.raises(DatasetError, match="unpacks to 8.13 kB, more than 1 kB"):
+    with pytest.raises(DatasetError, match=r"unpacks to .*, more than 1 kB"):
         read_archive(tmp_path / "a.npz", ["tracks"])
 
 
