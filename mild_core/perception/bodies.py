@@ -156,7 +156,7 @@ class Bodies:
     Attributes:
         everyone: Who is followed.
         watched: Number of the watched one; 0 for none.
-        newest_ns: Stamp of the newest message with people; 0 before the first.
+        newest_ns: Stamp of the newest message with people; None before the first.
         time_ns: To which everyone is brought forward, of the clock of the stamps ...
         received_ns: ... and when that message came.
         last_number: The newest body's.
@@ -165,7 +165,7 @@ class Bodies:
 
     everyone: tuple[TrackedBody, ...] = ()
     watched: int = 0
-    newest_ns: int = 0
+    newest_ns: int | None = None
     time_ns: int = 0
     received_ns: int = 0
     last_number: int = 0
@@ -231,16 +231,18 @@ def followed(
         keep_s: How long a missing body is kept.
         now_ns: When the message came.
     """
+    newest_ns = before.newest_ns
     if people:
         stamp_ns = watched.person.stamp_ns if watched is not None else _middle_stamp(people)
-        if before.newest_ns - JITTER_NS <= stamp_ns <= before.newest_ns:
+        if newest_ns is not None and newest_ns - JITTER_NS <= stamp_ns <= newest_ns:
             return before
-        if stamp_ns < before.newest_ns:  # time has gone back
+        if newest_ns is not None and stamp_ns < newest_ns:  # time has gone back
             before = Bodies(last_number=before.last_number)
         newest_ns = stamp_ns
+    elif newest_ns is None:
+        stamp_ns = now_ns
     else:
-        stamp_ns = before.time_ns + max(now_ns - before.received_ns, 0) if before.newest_ns else now_ns
-        newest_ns = before.newest_ns
+        stamp_ns = before.time_ns + max(now_ns - before.received_ns, 0)
     elapsed_s = max(stamp_ns - before.time_ns, SHORTEST_NS) * 1e-9
     shown = [seen for seen in people if _has_place(seen)]
     left_out = max(len(shown) - MOST_BODIES, 0)
@@ -276,8 +278,7 @@ def followed(
         marks = coasted(body.marks, elapsed_s)
         marks.flags.writeable = False
         everyone.append(TrackedBody(body.number, body.person_id, hidden_s, body.trunk_m, marks))
-    time_ns = max(stamp_ns, before.time_ns)
-    return Bodies(tuple(everyone), number_watched, newest_ns, time_ns, now_ns, last_number, left_out)
+    return Bodies(tuple(everyone), number_watched, newest_ns, stamp_ns, now_ns, last_number, left_out)
 
 
 def body_segments(bodies: Bodies, placing: Placing, up: FloatArray) -> BodySegments:
