@@ -111,7 +111,7 @@ COINCIDING_M = 0.15
 """Two bodies whose trunks are nearer to each other than this are one that the tracker shows twice."""
 
 RENUMBERED_M = 0.3
-"""A missing body this near to one that is seen is the same one."""
+"""A missing body this near to one that was not there before is the same one."""
 
 MOST_BODIES = 16
 """More bodies than this are not followed: the nearest are."""
@@ -273,7 +273,7 @@ def followed(
         hidden_s = body.hidden_s + elapsed_s
         if body.number in taken or hidden_s > keep_s or len(everyone) == MOST_BODIES:
             continue
-        if any(_near(body.trunk_m, other.trunk_m, RENUMBERED_M) for other in seen_now):
+        if any(_is_same(body, other, other.number > before.last_number) for other in seen_now):
             continue
         marks = coasted(body.marks, elapsed_s)
         marks.flags.writeable = False
@@ -340,6 +340,11 @@ def _has_place(seen: Seen) -> bool:
 
 def _nearness(seen: Seen) -> float:
     return min([math.hypot(*place) for place in seen.trunk_m if place is not None], default=math.inf)
+
+
+def _is_same(missing: TrackedBody, seen: TrackedBody, is_new: bool) -> bool:
+    """Whether a missing body is one that is seen; two that were there before may stand close to each other."""
+    return _near(missing.trunk_m, seen.trunk_m, RENUMBERED_M if is_new else COINCIDING_M)
 
 
 def _near(one: Trunk, other: Trunk, within_m: float) -> bool:
@@ -502,11 +507,12 @@ def observed(
     joints = _joints(index, positions, confidence, min_confidence, tip_m)
     trunk = (HEAD, LEFT_SHOULDER, RIGHT_SHOULDER, LEFT_HIP, RIGHT_HIP, 14)
 
-    # Too little of the trunk is seen for sure: then what is doubted has to do.
+    # Too little of the trunk has been seen for sure for a while: then what is doubted has to do.
     sure = 0
     for mark in trunk:
         sure += joints[mark, 3] == 2.0
-    doubting = sure < 2
+    recent = before[_AXES, 8] > 0.0 and before[_AXES, 7] + before[_WHOLE, 0] <= FORGOTTEN_S
+    doubting = sure < 2 and not recent
     if doubting:
         for mark in trunk:
             if joints[mark, 3] == 1.0:
@@ -560,7 +566,7 @@ def observed(
             after[mark, :3], after[mark, 3:6] = place, 0.0
         after[mark, _ANCHOR : _ANCHOR + 3] = after[mark, :3]
         after[mark, _HIDDEN], after[mark, _KNOWN] = 0.0, 1.0
-        after[mark, _SPREAD] = DOUBTED_M if doubting and PARENTS[mark] < 0 else 0.0
+        after[mark, _SPREAD] = 2.0 * DOUBTED_M if doubting and PARENTS[mark] < 0 else 0.0
         if PARENTS[mark] < 0:
             swept += after[mark, 3:6]
             steps += 1

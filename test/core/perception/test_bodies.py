@@ -428,7 +428,7 @@ def test_hidden_heads_and_trunks_of_real_people_are_covered(mild_data: Path) -> 
 def test_the_crown_of_a_head_lies_inside_its_capsule() -> None:
     (frame,) = seen(STAMPS_S)[-1]
     ends, radius, _ = part(last(seen(STAMPS_S)).segments, WATCHED_PERSON, "head")
-    crown = in_robot(frame, "head") + [0.0, 0.0, 0.175]
+    crown = in_robot(frame, "head") + np.array([0.0, 0.0, 0.175])
     assert apart_m(crown, ends) < radius
     assert np.linalg.norm(ends[1] - ends[0]) == pytest.approx(CROWN_M, rel=0.1)
     assert apart_m(in_robot(frame, "nose"), ends) < radius
