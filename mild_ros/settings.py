@@ -70,6 +70,13 @@ class PerceptionParameters(TrackerParameters):
         minimum=0.1,
         maximum=10.0,
     )
+    keep_body_s: float = parameter(
+        PerceptionSettings.keep_body_s,
+        "How long a body that is missing from the tracker's messages stays an obstacle, with a growing radius.",
+        unit="s",
+        minimum=0.1,
+        maximum=60.0,
+    )
     report_handled: bool = _REPORT_HANDLED
 
 

@@ -42,6 +42,7 @@ class PerceptionSettings:
         reacquire_distance_m: How near to where the person was last seen a body has to be to be the same person.
         frozen_after_s: A body whose joints are equal to the bit for longer, under new stamps, is not measured any more.
         forget_s: How long a lost person is waited for before another one may take over.
+        keep_body_s: How long a body that is missing from the messages stays an obstacle, with a growing radius.
     """
 
     joint_names: tuple[str, ...]
@@ -63,6 +64,7 @@ class PerceptionSettings:
     reacquire_distance_m: float = 0.5
     forget_s: float = 5.0
     frozen_after_s: float = 0.5
+    keep_body_s: float = 2.0
 
     def __post_init__(self) -> None:
         """Raise SetupError for settings that cannot work."""
@@ -136,4 +138,5 @@ _LEAST = {
     "reacquire_distance_m": 0.0,
     "forget_s": 0.0,
     "frozen_after_s": 0.0,
+    "keep_body_s": 0.0,
 }

@@ -36,13 +36,14 @@ def frozen(messages: list[People], joints: tuple[str, ...] = BODY_JOINTS) -> lis
 
 
 def outcomes(messages: list[People]) -> list[tuple[float, str, int, bool]]:
-    """Stamp [s], outcome, number of windows and whether there is a pose, of each message."""
+    """Stamp [s], outcome, number of windows and whether a watched person is in the pose, of each message."""
     perception, told = Perception(SETTINGS), []
     state = perception.init()
     for people in messages:
         stamp_ns = people[0].stamp_ns
         state, windows = perception.step(state, people, stamp_ns)
-        told.append((stamp_ns / SECOND, state.outcome, len(windows), state.person is not None))
+        watched = state.person is not None and state.person.watched
+        told.append((stamp_ns / SECOND, state.outcome, len(windows), watched))
     return told
 
 
