@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from mild_core.retargeting.modes import Mode, Situation
 from mild_core.retargeting.settings import RetargetingSettings
-from mild_core.retargeting.start_gate import start_refusal
+from mild_core.retargeting.start_gate import start_refusal, way_of
 from mild_core.retargeting.state import RetargetingState
 from mild_core.retargeting.watchdog import fresh, known
 from mild_core.shapes import FloatArray
@@ -22,18 +22,17 @@ def with_start(
     state: RetargetingState, settings: RetargetingSettings, shoulder_m: FloatArray, now_ns: int
 ) -> RetargetingState:
     """The state that knows whether the hand is raised for the robot; while it follows, that was decided before."""
-    refusal, sight = "", state.sight
-    if (
-        state.mode is not Mode.FOLLOWING
-        and sight is not None
-        and sight.raised
-        and person_present(state, settings, now_ns)
-    ):
-        refusal = start_refusal(sight, state.crowd, state.evidence, settings, shoulder_m)
-    if refusal == state.start_refusal:
+    refusal, doubt, sight = "", "", state.sight
+    if sight is not None and sight.raised and state.mode is not Mode.FOLLOWING:
+        way = way_of(sight, state.crowd)
+        # A hand that went where no greeting goes is one that comes back from there, until it reaches for the robot.
+        doubt = "" if way.reaches(settings.start_reach_m) else way.doubt or state.doubt
+        if person_present(state, settings, now_ns):
+            refusal = start_refusal(sight, state.crowd, state.evidence, settings, shoulder_m, now_ns) or doubt
+    if (refusal, doubt) == (state.start_refusal, state.doubt):
         return state
-    state = replace(state, start_refusal=refusal)
-    return state.counted(refusal) if refusal else state
+    before, state = state.start_refusal, replace(state, start_refusal=refusal, doubt=doubt)
+    return state.counted(refusal) if refusal not in ("", before) else state
 
 
 def situation(

@@ -36,6 +36,9 @@ SHIFT_M_S = 0.3
 RAISED_M, BACK_M, STILL_M = 0.08, 0.15, 0.05
 """The hand is raised this far from its rest, and back when this near to it; less than the last it has not moved."""
 
+BACK_SHARE = 0.5
+"""It is back only after this much of the way: a hand that is raised slowly has not come back."""
+
 BACK_AFTER_S = 0.5
 """How long a hand has to stay near its rest to be back."""
 
@@ -90,7 +93,8 @@ class Sight:
         hand_m: (3,) the hand then.
         velocity_m_s: (3,) its velocity.
         rest_m: (3,) where the hand rests.
-        raised: Whether it has left that place.
+        raised: Whether it has left that place ...
+        raised_ns: ... and since when.
         farthest_m: How far from there it has come since it was raised.
         still_m: (3,) where it last was still ...
         still_ns: ... and since when it has been near that place.
@@ -103,6 +107,7 @@ class Sight:
     velocity_m_s: FloatArray
     rest_m: FloatArray
     raised: bool
+    raised_ns: int
     farthest_m: float
     still_m: FloatArray
     still_ns: int
@@ -154,8 +159,10 @@ class Sight:
         """Whether the hand is raised now."""
         away_m = math.dist(self.hand_m, self.rest_m)
         if not self.raised:
-            return replace(self, raised=True, farthest_m=away_m) if away_m > RAISED_M else self
-        if away_m < BACK_M and self.still_s() >= BACK_AFTER_S:
+            if away_m <= RAISED_M:
+                return self
+            return replace(self, raised=True, raised_ns=self.received_ns, farthest_m=away_m)
+        if away_m < min(BACK_M, BACK_SHARE * self.farthest_m) and self.still_s() >= BACK_AFTER_S:
             return self.at_rest_here()
         return replace(self, farthest_m=away_m) if away_m > self.farthest_m else self
 
@@ -165,7 +172,7 @@ def first_sight(pose: PersonPose, received_ns: int) -> Sight | None:
     if not np.isfinite(pose.hand_m).all():
         return None
     hand, still, stamp_ns = pose.hand_m, np.zeros(3), pose.stamp_ns
-    return Sight(pose.frame_id, received_ns, stamp_ns, hand, still, hand, False, 0.0, hand, stamp_ns)
+    return Sight(pose.frame_id, received_ns, stamp_ns, hand, still, hand, False, 0, 0.0, hand, stamp_ns)
 
 
 def seen_again(sight: Sight | None, pose: PersonPose, received_ns: int) -> Sight | None:

@@ -46,8 +46,9 @@ class RetargetingSettings:
         start_facing_deg: The first motion needs a person who faces the robot within this angle, ...
         start_hand_m: ... whose hand is nearer than this to the robot's shoulder ...
         start_trunk_m: ... and whose trunk is nearer than this to it; all three only where their place is measured.
-        start_reach_m: It needs a hand that has come this far towards the robot since it was raised, from rest ...
-        start_apart_m: ... and is this far from the person's own head, trunk and other arm.
+        start_watch_s: It needs a hand that has been raised for so long, and has not gone to the person's own head or
+            aside meanwhile; one that has must come this far towards the robot from the shoulder ...
+        start_reach_m: ... before it counts.
         start_evidence: It needs a recognised interaction of this probability at least, as a mean ...
         start_evidence_s: ... over about this time; motions unknown to the model count as 0.
         still_after_s: A raised hand that stays where it is for so long, far from the robot's, is at rest there.
@@ -81,9 +82,9 @@ class RetargetingSettings:
     start_facing_deg: float = 60.0
     start_hand_m: float = 1.3
     start_trunk_m: float = 2.0
-    start_reach_m: float = 0.1
-    start_apart_m: float = 0.1
-    start_evidence: float = 0.5
+    start_watch_s: float = 0.25
+    start_reach_m: float = 0.3
+    start_evidence: float = 0.4
     start_evidence_s: float = 0.3
     still_after_s: float = 3.0
     interaction_s: float = 60.0
@@ -95,7 +96,7 @@ class RetargetingSettings:
             raise unknown_name("ik", self.ik, MIXES)
         may_be_zero = {"look_ahead_s", "unknown_after_s", "home_after_s", "position_margin_rad", "displaced_after_s"}
         may_be_zero |= {"keep_out_m", "near_m", "placement_uncertainty_m"}
-        may_be_zero |= {"start_reach_m", "start_apart_m", "start_evidence", "start_evidence_s"}
+        may_be_zero |= {"start_watch_s", "start_reach_m", "start_evidence", "start_evidence_s"}
         for each in fields(self):
             value = getattr(self, each.name)
             if each.name in ("start_enabled", "ik", "allow_unmeasured_contact"):

@@ -60,6 +60,7 @@ class RetargetingState:
         crowd: ... and everyone's segments in the newest of those.
         evidence: For a recognised interaction lately, from 0 to 1 ...
         evidence_ns: ... by the motion that came then; None before the first.
+        doubt: Where the hand that is raised has gone where no greeting goes; "" if it has not.
         start_refusal: Why the robot does not start for a hand that is raised; "" when it does.
         touch: How far the hands have been brought together; None when they are not.
         place_m: Where the person is taken to stand, if the camera does not tell.
@@ -95,6 +96,7 @@ class RetargetingState:
     crowd: Crowd | None = None
     evidence: float = 0.0
     evidence_ns: int | None = None
+    doubt: str = ""
     start_refusal: str = ""
     touch: Touch | None = None
     place_m: Point | None = None

@@ -168,7 +168,7 @@ def test_a_hand_that_stays_up_far_away_is_at_rest_there_and_an_interaction_witho
 
 
 def test_the_robot_keeps_out_of_the_head_and_is_slow_near_the_person() -> None:
-    settings = RetargetingSettings(start_apart_m=0.0)
+    settings = RetargetingSettings(start_watch_s=0.0)
     guard, run = Guard(YUMI, settings), Meeting(settings)
     run.meet(0.5, REST_M)
     head_in_the_way = np.array([MEETING_M + [0.0, 0.13, 0.0], BODY_M[1], BODY_M[2]])
