@@ -65,7 +65,9 @@ TOPICS = (
     ),
     Topic(
         *("person", "sensor_msgs/PointCloud2", "perception", "retargeting"),
-        "hand, head, middle of shoulders and of hips [m]; in frame `robot` with `robot_from_camera`, else `arm`",
+        "the watched person's hand, head, middle of shoulders and of hips [m], where the chest points, and two rows "
+        "for each body segment of everyone in view: ends [m], velocities [m/s], radius [m], number of the person (0: the "
+        "watched one), part; in frame `robot` with `robot_from_camera`, else `arm`",
     ),
     Topic(
         *("motion", "`trajectory_msgs/JointTrajectory` or `sensor_msgs/PointCloud2`", "inference", "retargeting"),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hands and predictions as markers in the robot's base frame: a few, each gone when it is not renewed."""
+"""Hands, bodies and predictions as markers in the robot's base frame: a few, each gone when it is not renewed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from mild_core.retargeting.arm_following import ArmFollower, arm_follower
 from mild_core.retargeting.kinematics import forward_kinematics
 from mild_core.retargeting.robot import RobotModel
 from mild_core.shapes import FloatArray
-from mild_core.signals import MotionWindow
+from mild_core.signals import BODY_PARTS, WATCHED_PERSON, BodySegments, MotionWindow
 from mild_ros.messages.stamps import duration_to_msg, time_to_msg
 
 Colour = tuple[float, float, float]
@@ -25,6 +25,11 @@ FIRST_COLOUR, LAST_COLOUR = np.array([0.27, 0.0, 0.33]), np.array([0.99, 0.91, 0
 """Of the first and the last component; the others lie between."""
 
 HAND_M, LINE_M, LIFETIME_NS = 0.075, 0.01, 500_000_000
+BYSTANDER_COLOUR: Colour = (0.95, 0.55, 0.1)
+BODY_ALPHA, MOST_BALLS = 0.25, 24
+MOST_NUMBERS = 100_000_000
+"""Numbers of people in the ids of markers begin again here: an id has 32 bits."""
+
 FAINT = 0.1
 """A component without any belief is still to be seen."""
 
@@ -67,6 +72,28 @@ class Drawing:
             alpha = FAINT + (1.0 - FAINT) * weight
             marker = self._marker("components", number, Marker.SPHERE, (red, green, blue), stamp_ns, alpha)
             marker.pose.position = _point(self._hands(self._joints(motion)[-1]))
+            markers.append(marker)
+        return markers
+
+    def bodies(self, segments: BodySegments, ends_m: FloatArray, stamp_ns: int) -> list[Marker]:
+        """Everyone's capsules as rows of balls: the watched person red, bystanders orange.
+
+        Args:
+            segments: Everyone in view.
+            ends_m: (N, 2, 3) ends of their axes in the robot's base frame.
+            stamp_ns: Of the markers.
+        """
+        markers = []
+        for person, part, (start, end), radius in zip(
+            segments.people, segments.parts, ends_m, segments.radii_m.tolist(), strict=True
+        ):
+            watched = person == WATCHED_PERSON
+            namespace, colour = ("watched_person", PERSON_COLOUR) if watched else ("bystanders", BYSTANDER_COLOUR)
+            number = person % MOST_NUMBERS * len(BODY_PARTS) + BODY_PARTS.index(part)
+            marker = self._marker(namespace, number, Marker.SPHERE_LIST, colour, stamp_ns, BODY_ALPHA)
+            marker.scale = Vector3(x=2.0 * radius, y=2.0 * radius, z=2.0 * radius)
+            balls = min(2 + int(2.0 * float(np.linalg.norm(end - start)) / radius), MOST_BALLS)
+            marker.points = [_point(start + share * (end - start)) for share in np.linspace(0.0, 1.0, balls)]
             markers.append(marker)
         return markers
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`markers`: for people who look on: both hands, the predicted way of the robot's, and what each component expects.
+"""`markers`: for people who look on: both hands, all bodies, the predicted way of the robot's hand and its components.
 
 It infers once more, by itself, so the robot waits for none of this.
 """
@@ -49,7 +49,8 @@ class MarkersNode(Node):
         there = manifest.robot_from_human
         self._standing = Standing(there.translation_m, there.yaw_rad, there.by_interaction)
         self._drawing = Drawing(self._robot)
-        self._told_s = 0.0
+        self._told_s = self._bodies_told_s = 0.0
+        self._interaction = ""
         self._person: PersonPose | None = None
         self._diagnostics = Diagnostics(self, expected=("feature_window",))
         self._markers = self.create_publisher(MarkerArray, "markers", BETWEEN_STAGES)
@@ -63,6 +64,14 @@ class MarkersNode(Node):
             self._person = person_from_msg(message)
         except DataError as error:
             self._diagnostics.unreadable("person", error.reason, error.detail)
+            return
+        if time.monotonic() - self._bodies_told_s < PERIOD_S or not self._markers.get_subscription_count():
+            return
+        self._bodies_told_s, segments = time.monotonic(), self._person.segments
+        standing = self._standing.place(self._interaction, None, 0.0)
+        ends_m = self._standing.placed(segments.ends_m, self._person.frame_id, standing)
+        now_ns = self.get_clock().now().nanoseconds
+        self._markers.publish(MarkerArray(markers=self._drawing.bodies(segments, ends_m, now_ns)))
 
     def _on_joint_states(self, message: Any) -> None:
         try:
@@ -86,11 +95,12 @@ class MarkersNode(Node):
         if not motions or time.monotonic() - self._told_s < PERIOD_S or not self._markers.get_subscription_count():
             return
         self._told_s, (motion,) = time.monotonic(), motions
+        self._interaction = motion.interaction
         now_ns, draw = self.get_clock().now().nanoseconds, self._drawing
         markers = draw.predicted(motion, now_ns) + draw.robot_hand(self._joints, now_ns)
         markers += draw.components(self._stage.by_component(before, window), motion.belief, now_ns)
         if self._person is not None:
-            standing = self._standing.place(motion.interaction, None, 0.0)
+            standing = self._standing.place(self._interaction, None, 0.0)
             hand = self._standing.placed(self._person.hand_m, self._person.frame_id, standing)
             markers += draw.hand("person_hand", PERSON_COLOUR, hand, now_ns)
         self._markers.publish(MarkerArray(markers=markers))

@@ -63,6 +63,13 @@ class PerceptionParameters(TrackerParameters):
     forget_s: float = parameter(
         PerceptionSettings.forget_s, "How long to wait for a lost person.", unit="s", minimum=0.5, maximum=3600.0
     )
+    keep_body_s: float = parameter(
+        PerceptionSettings.keep_body_s,
+        "How long a body that is missing from the tracker's messages stays an obstacle, with a growing radius.",
+        unit="s",
+        minimum=0.1,
+        maximum=60.0,
+    )
     report_handled: bool = _REPORT_HANDLED
 
 

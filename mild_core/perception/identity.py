@@ -8,6 +8,7 @@ nor the order in a message is enough.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -62,24 +63,23 @@ def locked_on(lock: Lock | None, seen: Seen, received_ns: int) -> Lock:
     return Lock(person.person_id, person.frame_id, trunk, person.stamp_ns, received_ns)
 
 
-def find_person(lock: Lock | None, people: tuple[SkeletonFrame, ...], reach_m: float) -> Seen | None:
+def find_person(lock: Lock | None, everyone: Sequence[Seen], reach_m: float) -> Seen | None:
     """The watched person among people; without a lock the one nearest to the origin of the axes.
 
     Args:
         lock: Who is watched.
-        people: Any number.
+        everyone: Any number.
         reach_m: How far from the last place a body with another number may be.
 
     Returns:
         None when nobody can be them.
     """
-    everyone = [_seen(person) for person in people]
     if lock is None:
         return min(everyone, key=_distance_from_origin, default=None)
     best, least = None, math.inf
     for seen in everyone:
         same = seen.person.person_id == lock.person_id
-        distance = _moved(lock, seen)
+        distance = apart_m(lock.trunk_m, seen.trunk_m)
         if distance is None and same:
             distance = 0.0
         hidden_s = max(0.0, (seen.person.stamp_ns - lock.stamp_ns) * 1e-9)
@@ -91,15 +91,16 @@ def find_person(lock: Lock | None, people: tuple[SkeletonFrame, ...], reach_m: f
     return best
 
 
-def _seen(person: SkeletonFrame) -> Seen:
+def seen_person(person: SkeletonFrame) -> Seen:
+    """A person of a message."""
     body = body_of(person)
     return Seen(person, body, tuple([seen_joint(body, name) for name in TRUNK]))
 
 
-def _moved(lock: Lock, seen: Seen) -> float | None:
-    """Mean distance [m] between the trunk then and now; None without a common joint."""
-    pairs = zip(lock.trunk_m, seen.trunk_m, strict=True)
-    distances = [math.dist(then, now) for then, now in pairs if then is not None and now is not None]
+def apart_m(one: Trunk, other: Trunk) -> float | None:
+    """Mean distance [m] between two trunks; None without a common joint."""
+    pairs = zip(one, other, strict=True)
+    distances = [math.dist(here, there) for here, there in pairs if here is not None and there is not None]
     return math.fsum(distances) / len(distances) if distances else None
 
 

@@ -7,10 +7,10 @@ import math
 
 import numpy as np
 
-from mild_core.perception.calibration import Calibration
+from mild_core.perception.bodies import Placing
 from mild_core.perception.gates import UNSEEN, Body, Point, believed_place, middle
 from mild_core.shapes import FloatArray
-from mild_core.signals import ARM_FRAME, ROBOT_FRAME, PersonPose
+from mild_core.signals import BodySegments, PersonPose
 
 HAND_FROM_WRIST_M = 0.08
 """From the wrist to the middle of the hand, along the forearm, where a tracker sees no hand. Source: an adult's hand
@@ -21,33 +21,34 @@ SHOULDERS, HIPS = ("left_shoulder", "right_shoulder"), ("left_hip", "right_hip")
 
 def person_pose(
     body: Body,
-    calibration: Calibration,
-    robot_from_source: FloatArray | None,
+    side: str,
+    placing: Placing,
+    frame_id: str,
     min_confidence: float,
     arm_believed: bool,
+    segments: BodySegments,
+    facing: FloatArray,
 ) -> PersonPose:
-    """Hand, head and trunk of a person.
+    """Hand, head and trunk of the watched person, and everyone's segments.
 
     Args:
-        body: One frame of them.
-        calibration: Their arm frame; its side is the watched one.
-        robot_from_source: (4, 4) pose of the tracker's frame in the robot's base frame; None leaves the person in the
-            arm frame.
+        body: One frame of the person.
+        side: The watched arm.
+        placing: From the tracker's frame to that of the pose ...
+        frame_id: ... which is this one.
         min_confidence: Least confidence of a joint that is used.
-        arm_believed: Whether the arm passed the gates; a hand on an arm that did not is not told.
+        arm_believed: Whether the arm passed the gates; a hand on an arm that did not is left out.
+        segments: Everyone in view, in the frame of the pose.
+        facing: (3,) of the person, in that frame.
     """
     hips = believed_place(body, "pelvis", min_confidence)
     if "pelvis" not in body.places:
         hips = middle(*[believed_place(body, name, min_confidence) for name in HIPS])
     shoulders = middle(*[believed_place(body, name, min_confidence) for name in SHOULDERS])
-    hand = _hand(body, calibration.side, min_confidence) if arm_believed else UNSEEN
-    seen = np.array([hand, believed_place(body, "head", min_confidence), shoulders, hips])
-    if robot_from_source is None:
-        placed, frame = (seen - calibration.shoulder_m) @ calibration.arm_from_source.T, ARM_FRAME
-    else:
-        placed, frame = seen @ robot_from_source[:3, :3].T + robot_from_source[:3, 3], ROBOT_FRAME
+    hand = _hand(body, side, min_confidence) if arm_believed else UNSEEN
+    placed = placing.placed(np.array([hand, believed_place(body, "head", min_confidence), shoulders, hips]))
     placed.flags.writeable = False
-    return PersonPose(body.frame.stamp_ns, frame, placed[0], placed[1], placed[2:])
+    return PersonPose(body.frame.stamp_ns, frame_id, placed[0], placed[1], placed[2:], segments, facing)
 
 
 def _hand(body: Body, side: str, min_confidence: float) -> Point:

@@ -41,6 +41,7 @@ class PerceptionSettings:
             Kinect lets the whole skeleton breathe by +-11 %.
         reacquire_distance_m: How near to where the person was last seen a body has to be to be the same person.
         forget_s: How long a lost person is waited for before another one may take over.
+        keep_body_s: How long a body that is missing from the messages stays an obstacle, with a growing radius.
     """
 
     joint_names: tuple[str, ...]
@@ -61,6 +62,7 @@ class PerceptionSettings:
     bone_tolerance: float = 0.3
     reacquire_distance_m: float = 0.5
     forget_s: float = 5.0
+    keep_body_s: float = 2.0
 
     def __post_init__(self) -> None:
         """Raise SetupError for settings that cannot work."""
@@ -128,4 +130,5 @@ _LEAST = {
     "bone_tolerance": 0.0,
     "reacquire_distance_m": 0.0,
     "forget_s": 0.0,
+    "keep_body_s": 0.0,
 }

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Perception: everyone a tracker sees in, the watched arm's last W frames at the model's rate out.
+"""Perception: everyone a tracker sees in, the watched arm's last W frames at the model's rate and all bodies out.
 
 Every message ends in exactly one outcome, and no message is lost without being counted:
 
@@ -16,7 +16,9 @@ Every message ends in exactly one outcome, and no message is lost without being 
 
 Beside them, events are counted that may come with any outcome: `windows`, `filled` (of these, bridged by
 interpolation), `missed` (messages that never came), `gap_reset`, `time_reset`, `calibrated`, `reacquired`,
-`forgotten`, `bystanders`.
+`forgotten`, `bystanders`, `unplaced` (people in another tf frame), `left_out` (people beyond those that are followed).
+
+Whatever the outcome, everyone in a newer message becomes an obstacle (`bodies.py`) of the pose that goes with it.
 """
 
 from __future__ import annotations
@@ -24,15 +26,17 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 
 from mild_core.errors import DataError
 from mild_core.perception.arm import in_arm_frame
+from mild_core.perception.bodies import NO_BODIES, Bodies, Placing, body_segments, facing_of, followed
 from mild_core.perception.calibration import Calibration
 from mild_core.perception.gates import Body, Point, believed, bone_lengths, check_bones
-from mild_core.perception.identity import Lock, Seen, find_person, locked_on
+from mild_core.perception.identity import Lock, Seen, find_person, locked_on, seen_person
 from mild_core.perception.neutral import (
     FULL_SECOND,
     MISPLACED,
@@ -47,7 +51,8 @@ from mild_core.perception.person import person_pose
 from mild_core.perception.resampling import Cadence
 from mild_core.perception.settings import PerceptionSettings
 from mild_core.perception.window import ArmStream, begun, extended
-from mild_core.signals import ARM_FRAME, FeatureWindow, PersonPose, SkeletonFrame
+from mild_core.shapes import FloatArray, read_only
+from mild_core.signals import ARM_FRAME, ROBOT_FRAME, UNKNOWN_DIRECTION, FeatureWindow, PersonPose, SkeletonFrame
 
 __all__ = ["Perception", "PerceptionSettings", "PerceptionState"]
 
@@ -65,7 +70,9 @@ class PerceptionState:
         lock: Who is watched.
         cadence: How often the tracker sees them.
         stream: The arm at the model's rate; None before its first usable frame.
-        person: Where the watched person is by the newest message; None when it does not show a calibrated one.
+        bodies: Everyone in view.
+        person: Where the watched person and everyone else are by the newest message; None when that is not known, or
+            the message is not newer than the one before.
     """
 
     counts: Mapping[str, int] = field(default_factory=dict)
@@ -76,8 +83,12 @@ class PerceptionState:
     lock: Lock | None = None
     cadence: Cadence | None = None
     stream: ArmStream | None = None
+    bodies: Bodies = NO_BODIES
     person: PersonPose | None = None
 
+
+_UNSEEN_PARTS = (UNKNOWN_DIRECTION, UNKNOWN_DIRECTION, read_only(np.full((2, 3), np.nan)))
+"""Hand, head and trunk of a person who is not watched."""
 
 _Stepped = tuple[PerceptionState, tuple[FeatureWindow, ...]]
 
@@ -93,8 +104,8 @@ class Perception:
         return PerceptionState(calibration=self.settings.calibration)
 
     def afresh(self, state: PerceptionState) -> PerceptionState:
-        """The state that remembers nobody, no kept calibration either, and only counts on."""
-        return PerceptionState(counts=state.counts)
+        """The state that watches nobody, without a kept calibration; counts go on, and everyone stays an obstacle."""
+        return PerceptionState(counts=state.counts, bodies=replace(state.bodies, watched=0))
 
     def step(self, state: PerceptionState, people: tuple[SkeletonFrame, ...], now_ns: int) -> _Stepped:
         """Take one tracker message.
@@ -110,11 +121,18 @@ class Perception:
         """
         events: Counter[str] = Counter()
         known = self._in_known_frame(state, people)
+        if len(known) < len(people):
+            events["unplaced"] += len(people) - len(known)
         state = self._rewound(state, known, events)
-        seen = find_person(state.lock, known, self.settings.reacquire_distance_m)
+        everyone = [seen_person(person) for person in known]
+        seen = find_person(state.lock, everyone, self.settings.reacquire_distance_m)
+        state, told = self._followed(state, everyone, seen, now_ns, events), state.bodies
+        is_newer = state.bodies is not told
         if seen is None:
             absence, detail = self._absence(state, people, known)
-            return _ended(self._without(state, now_ns, events), events, absence, detail)
+            state = self._without(state, now_ns, events)
+            pose = self._everyone(state, state.calibration) if is_newer else None
+            return _ended(state, events, absence, detail, person=pose)
         stamp_ns = seen.person.stamp_ns
         if state.lock and stamp_ns <= state.lock.stamp_ns:
             return _ended(state, events, "duplicate" if stamp_ns == state.lock.stamp_ns else "out_of_order")
@@ -129,18 +147,33 @@ class Perception:
                 calibration = state.calibration
                 events["calibrated"] += calibration is not None
         except DataError as error:
-            if error.reason in MISPLACED:  # nobody knows where this body is
-                return _ended(state, events, error.reason, error.detail)
-            person = self._pose(calibration, seen.body, False) if calibration else None
+            pose = self._pose(state, calibration, seen.body, False)
+            if error.reason in MISPLACED:  # its arm says nothing, but the body stands there
+                return _ended(state, events, error.reason, error.detail, person=pose)
             state = self._outgrown(replace(state, lock=lock, cadence=cadence), seen.person, error, events)
-            return _ended(state, events, error.reason, error.detail, person=person)
+            return _ended(state, events, error.reason, error.detail, person=pose)
+        pose = self._pose(state, calibration, seen.body, True)
         if calibration is None:
-            return _ended(state, events, outcome, detail, lock=lock, cadence=cadence)
+            return _ended(state, events, outcome, detail, lock=lock, cadence=cadence, person=pose)
         stream, windows = self._sampled(state.stream, cadence, calibration, stamp_ns, arm, events)
-        person = self._pose(calibration, seen.body, True)
         return _ended(
-            state, events, "accepted", windows=windows, lock=lock, cadence=cadence, stream=stream, person=person
+            state, events, "accepted", windows=windows, lock=lock, cadence=cadence, stream=stream, person=pose
         )
+
+    def _followed(
+        self, state: PerceptionState, everyone: list[Seen], seen: Seen | None, now_ns: int, events: Counter[str]
+    ) -> PerceptionState:
+        """Everyone in view after this message, whatever becomes of the watched arm."""
+        settings = self.settings
+        bodies = followed(
+            *(state.bodies, everyone, seen, self._up, settings.min_confidence),
+            *(settings.reacquire_distance_m, settings.keep_body_s, now_ns),
+        )
+        if bodies is state.bodies:
+            return state
+        if bodies.left_out:
+            events["left_out"] += bodies.left_out
+        return PerceptionState(**{**vars(state), "bodies": bodies})
 
     def _in_known_frame(self, state: PerceptionState, people: tuple[SkeletonFrame, ...]) -> tuple[SkeletonFrame, ...]:
         """Those whose positions are in the tf frame that was asked for, calibrated in, or seen first."""
@@ -197,10 +230,49 @@ class Perception:
             events["missed"] += missed
         return lock, cadence
 
-    def _pose(self, calibration: Calibration, body: Body, arm_believed: bool) -> PersonPose:
-        """Where a calibrated person is, without a hand that is not believed."""
-        settings = self.settings
-        return person_pose(body, calibration, settings.robot_from_source, settings.min_confidence, arm_believed)
+    def _pose(
+        self, state: PerceptionState, calibration: Calibration | None, body: Body, arm_believed: bool
+    ) -> PersonPose | None:
+        """Where the watched person and everyone else are; without a hand that is not believed."""
+        placing = self._placing(calibration)
+        if calibration is None or placing is None:
+            return self._everyone(state, None)
+        settings, bodies = self.settings, state.bodies
+        return person_pose(
+            *(body, calibration.side, placing, self._frame_id, settings.min_confidence, arm_believed),
+            *(body_segments(bodies, placing, self._up), facing_of(bodies.watched_body(), placing)),
+        )
+
+    def _everyone(self, state: PerceptionState, calibration: Calibration | None) -> PersonPose | None:
+        """Where everyone is while the watched person is not calibrated or not in view; None when nobody can say."""
+        placing, bodies = self._placing(calibration), state.bodies
+        if placing is None:
+            return None
+        segments, facing = body_segments(bodies, placing, self._up), facing_of(bodies.watched_body(), placing)
+        return PersonPose(bodies.time_ns, self._frame_id, *_UNSEEN_PARTS, segments, facing, watched=False)
+
+    @cached_property
+    def _frame_id(self) -> str:
+        return ARM_FRAME if self.settings.robot_from_source is None else ROBOT_FRAME
+
+    def _placing(self, calibration: Calibration | None) -> Placing | None:
+        """From the tracker's frame to the pose's: the robot's where the camera is measured, else the arm's."""
+        if self._robot is not None:
+            return self._robot
+        return None if calibration is None else _in_arm_frame(calibration)
+
+    @cached_property
+    def _robot(self) -> Placing | None:
+        pose = self.settings.robot_from_source
+        return None if pose is None else Placing(pose[:3, :3], np.zeros(3), pose[:3, 3])
+
+    @cached_property
+    def _up(self) -> FloatArray:
+        """(3,) up in the tracker's frame: by the robot's base, by the tracker's axes, or z as in REP-103."""
+        pose = self.settings.robot_from_source
+        if pose is not None:
+            return read_only(pose[2, :3] / max(float(np.linalg.norm(pose[2, :3])), 1e-9))
+        return read_only((0.0, -1.0, 0.0) if self.settings.source_axes == "optical" else (0.0, 0.0, 1.0))
 
     def _arm(self, state: PerceptionState, body: Body) -> list[Point]:
         """The J watched joints in the source's axes.
@@ -278,6 +350,11 @@ class Perception:
         if filled:
             events["filled"] += max(0, len(windows) - 1)
         return stream, windows
+
+
+@lru_cache(maxsize=8)
+def _in_arm_frame(calibration: Calibration) -> Placing:
+    return Placing(calibration.arm_from_source, calibration.shoulder_m, np.zeros(3))
 
 
 def _ended(

@@ -10,6 +10,7 @@ import numpy as np
 from mild_core.errors import SetupError
 from mild_core.inference.manifest import Manifest
 from mild_core.inference.manifest_reading import read_manifest
+from mild_core.perception.bodies import compile_kernels
 from mild_core.perception.gates import places_of
 from mild_core.perception.settings import PerceptionSettings
 from mild_core.perception.skeletons import SkeletonSource
@@ -86,9 +87,11 @@ def make_perception(parameters: PerceptionParameters, manifest: Manifest) -> Per
         min_confidence=parameters.min_confidence,
         reacquire_distance_m=parameters.reacquire_distance_m,
         forget_s=parameters.forget_s,
+        keep_body_s=parameters.keep_body_s,
     )
     unseen = sorted(set(settings.sided_names) - places_of(tuple(source.joint_ids.values())).keys())
     if unseen:
         problem = f"the model {parameters.model} observes {', '.join(unseen)}, which the tracker does not give"
         raise SetupError(f"source {parameters.source}", problem, "name it in joint_names or take another source")
+    compile_kernels()
     return Perception(settings)

@@ -16,13 +16,14 @@ from mild_core.perception.stage import Perception
 from mild_core.retargeting.kinematics import forward_kinematics
 from mild_core.retargeting.robots.yumi import YUMI
 from mild_core.shapes import FloatArray
-from mild_core.signals import FeatureWindow, JointMeasurement, MotionWindow, PersonPose
+from mild_core.signals import BODY_PARTS, FeatureWindow, JointMeasurement, MotionWindow, PersonPose
 from mild_ros.assembly.inference import load
 from mild_ros.messages.feature_window import feature_window_to_msg
 from mild_ros.messages.joint_state import joint_measurement_to_msg
 from mild_ros.messages.person import person_to_msg
 from mild_ros.quality_of_service import BETWEEN_STAGES, STATE
 from test.core.perception.scene import SETTINGS, at_rate, seen
+from test.core.perception.test_identity import beside
 from test.ros.processes import NodeProcess, Probe
 
 pytestmark = pytest.mark.slow
@@ -36,7 +37,8 @@ def seen_and_expected(model: Path) -> tuple[PersonPose, list[FeatureWindow], dic
     """A person, their windows, and by the motion that answers each what its components expect."""
     perception, windows = Perception(SETTINGS), []
     state = perception.init()
-    for people in seen(at_rate(40.0, 2.2)):
+    for (frame,) in seen(at_rate(40.0, 2.2)):
+        people = (frame, beside(frame))
         state, made = perception.step(state, people, people[0].stamp_ns)
         windows += made
     stage = Inference(load(str(model)), "hand_shake")
@@ -54,7 +56,7 @@ def hands(positions_rad: FloatArray) -> FloatArray:
 
 
 def shown_markers(probe: Probe, person: PersonPose, windows: list[FeatureWindow]) -> list[Marker]:
-    """The fullest of all that was shown while these were sent."""
+    """The fullest of all motions, and of all bodies, that were shown while these were sent."""
     shown = probe.listen(MarkerArray, "markers")
     sent = probe.node.create_publisher(PointCloud2, "feature_window", BETWEEN_STAGES)
     person_out = probe.node.create_publisher(PointCloud2, "person", BETWEEN_STAGES)
@@ -70,10 +72,13 @@ def shown_markers(probe: Probe, person: PersonPose, windows: list[FeatureWindow]
             person_out.publish(person_to_msg(person))
             sent.publish(feature_window_to_msg(window))
         probe.spin(0.02)
-        return any(len(array.markers) > 3 for array in shown) and window is None
+        kinds = {marker.ns for array in shown for marker in array.markers}
+        return {"predicted", "person_hand", "robot_hand", "watched_person"} <= kinds and window is None
 
     probe.until(all_are_sent, "markers of all kinds")
-    return list(max(shown, key=lambda array: len(array.markers)).markers)
+    motions = [array.markers for array in shown if array.markers and array.markers[0].ns == "predicted"]
+    bodies = [array.markers for array in shown if array.markers and array.markers[0].ns == "watched_person"]
+    return [*max(motions, key=len), *max(bodies, key=len)]
 
 
 def test_hands_and_predictions_are_shown(start: Callable[..., NodeProcess], probe: Probe, random_model: Path) -> None:
@@ -81,7 +86,12 @@ def test_hands_and_predictions_are_shown(start: Callable[..., NodeProcess], prob
     person, windows, expected = seen_and_expected(random_model)
     found = shown_markers(probe, person, windows)
     markers = {(marker.ns, marker.id): marker for marker in found}
-    assert {name for name, _ in markers} == {"person_hand", "robot_hand", "predicted", "components"}
+    shown = {"person_hand", "robot_hand", "predicted", "components", "watched_person", "bystanders"}
+    assert {name for name, _ in markers} == shown
+    bodies = [marker for marker in found if marker.ns in ("watched_person", "bystanders")]
+    assert len(bodies) == len({(marker.ns, marker.id) for marker in bodies}) == 2 * len(BODY_PARTS)
+    assert {marker.type for marker in bodies} == {Marker.SPHERE_LIST}
+    assert sorted(marker.scale.x for marker in bodies) == sorted(2.0 * person.segments.radii_m)
     assert all(marker.lifetime.nanosec > 0 and marker.action == Marker.ADD for marker in found)
     assert {marker.header.frame_id for marker in found} == {YUMI.base_link}
     np.testing.assert_allclose(place(markers["robot_hand", 0].pose.position), hands(YUMI.home_rad + 0.1), atol=1e-9)

@@ -4,14 +4,25 @@
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState, PointCloud2
+from std_msgs.msg import Header
 
 from mild_core.errors import DataError
-from mild_core.signals import FeatureWindow, JointCommand, JointMeasurement, MotionWindow, PersonPose
+from mild_core.signals import (
+    BODY_PARTS,
+    NO_SEGMENTS,
+    BodySegments,
+    FeatureWindow,
+    JointCommand,
+    JointMeasurement,
+    MotionWindow,
+    PersonPose,
+)
 from mild_ros.bags import jazzy_types
 from mild_ros.encoding import encode, type_name_of
 from mild_ros.messages.belief import belief_to_msg
@@ -24,7 +35,8 @@ from mild_ros.messages.joint_state import (
     joint_measurement_to_msg,
 )
 from mild_ros.messages.motion import motion_from_msgs, motion_state_to_msg, motion_to_msg, motion_type
-from mild_ros.messages.person import person_from_msg, person_to_msg
+from mild_ros.messages.person import FIELDS, MOST_SEGMENTS, POINTS, person_from_msg, person_to_msg
+from mild_ros.messages.point_cloud import array_from_msg, array_to_msg
 from mild_ros.messages.stamps import duration_to_msg, ns_from_msg, time_to_msg
 
 STAMP_NS = 1_700_000_000_123_456_789
@@ -252,11 +264,61 @@ def test_stamps_are_exact(stamp_ns):
     assert ns_from_msg(duration_to_msg(-(stamp_ns % 10**18))) == -(stamp_ns % 10**18)
 
 
+def everyone(rng: np.random.Generator, people: tuple[int, ...] = (0, 7)) -> BodySegments:
+    count = len(people) * len(BODY_PARTS)
+    return BodySegments(
+        tuple(number for number in people for _ in BODY_PARTS),
+        BODY_PARTS * len(people),
+        rng.normal(size=(count, 2, 3)),
+        rng.normal(size=(count, 2, 3)),
+        rng.uniform(0.05, 0.5, size=count),
+    )
+
+
 @ROADS
-def test_a_person_arrives_as_sent(sent) -> None:
+@pytest.mark.parametrize("watched", [True, False])
+def test_a_person_arrives_as_sent(sent, watched: bool) -> None:
     rng = np.random.default_rng(5)
-    pose = PersonPose(STAMP_NS, "arm", np.full(3, np.nan), rng.normal(size=3), rng.normal(size=(2, 3)))
-    same(person_from_msg(sent(person_to_msg(pose))), pose)
+    parts = (np.full(3, np.nan), rng.normal(size=3), rng.normal(size=(2, 3)))
+    pose = PersonPose(STAMP_NS, "arm", *parts, everyone(rng), np.array([0.0, -0.6, 0.8]), watched)
+    arrived = person_from_msg(sent(person_to_msg(pose)))
+    same(arrived.segments, pose.segments)
+    same(replace(arrived, segments=NO_SEGMENTS), replace(pose, segments=NO_SEGMENTS))
+
+
+@ROADS
+def test_a_pose_without_anybody_arrives_as_sent(sent) -> None:
+    unseen = np.full(3, np.nan)
+    pose = PersonPose(STAMP_NS, "robot", unseen, unseen, np.full((2, 3), np.nan), watched=False)
+    arrived = person_from_msg(sent(person_to_msg(pose)))
+    assert arrived.segments.people == ()
+    assert not arrived.watched
+    assert np.isnan(arrived.facing).all()
+
+
+@pytest.mark.parametrize(
+    ("row", "column", "value"),
+    [
+        *((POINTS, 0, np.nan), (POINTS, 4, np.inf), (POINTS, 0, 1e6), (POINTS, 3, 1e6), (POINTS, 6, -0.1)),
+        *((POINTS, 6, 99.0), (POINTS, 7, -1.0), (POINTS, 7, 0.5), (POINTS, 8, len(BODY_PARTS)), (POINTS, 8, 1.5)),
+        *((POINTS + 1, 7, 3.0), (0, 7, 5.0), (4, 0, 3.0), (4, 0, np.nan)),
+    ],
+)
+def test_a_person_with_what_no_pose_holds_is_refused(row: int, column: int, value: float) -> None:
+    rng = np.random.default_rng(5)
+    parts = (rng.normal(size=3), rng.normal(size=3), rng.normal(size=(2, 3)))
+    message = person_to_msg(PersonPose(STAMP_NS, "robot", *parts, everyone(rng), np.array([1.0, 0.0, 0.0])))
+    values, names = array_from_msg(message)
+    values = values.copy()
+    values[0, row, column] = value
+    with pytest.raises(DataError, match="wrong_layout"):
+        person_from_msg(array_to_msg(values, names, message.header))
+
+
+@pytest.mark.parametrize("rows", [0, 4, 6, POINTS + 2 * MOST_SEGMENTS + 2])
+def test_a_person_of_another_size_is_refused(rows: int) -> None:
+    with pytest.raises(DataError, match="wrong_layout"):
+        person_from_msg(array_to_msg(np.zeros((1, rows, len(FIELDS))), FIELDS, Header()))
 
 
 def test_a_cloud_of_something_else_is_no_person() -> None:
