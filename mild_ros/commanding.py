@@ -104,6 +104,11 @@ class Commanding:
             alarms["mode"] = (DiagnosticStatus.WARN, "holding: the robot has ceased to say where it is")
         elif state.mode in ATTENTION:
             alarms["mode"] = (DiagnosticStatus.WARN, ATTENTION[state.mode])
+        alarms.pop("people", None)
+        notices = state.notices(self._node.get_clock().now().nanoseconds)
+        if notices:
+            alarms["people"] = (DiagnosticStatus.WARN, "; ".join(notices))
+            self._diagnostics.complain("; ".join(notices))
         self._diagnostics.facts["mode"] = state.mode.value
         self._diagnostics.summary = state.mode.value
 
