@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Distances and speeds of a robot's poses to itself and to people, compiled: what the guard decides by.
 
-Rates of capsules are bounds over all their points: the ends of the axis, and what the link's turning adds at the
-surface. Distances are exact for capsules.
+Speeds of capsules are bounds over all their points: the ends of the axis, and what the link's turning adds at the
+surface. Speeds towards somebody are those of the nearest point of each capsule. Distances are exact for capsules.
 """
 
 from __future__ import annotations
@@ -13,8 +13,9 @@ from mild_core.compiled import compiled
 from mild_core.retargeting.chain import frames_of, least_clearance, nearest_points, place_capsules
 from mild_core.shapes import FloatArray
 
-LOOK_SELF_M = 0.06
-"""Distances of the robot to itself beyond this count as this: the nearer, the faster they are computed."""
+LOOK_SELF_M, SLACK_M = 0.08, 0.005
+"""Distances of the robot to itself beyond the first count as this: the nearer, the faster they are computed. They are
+computed again when less than the second may be left: what a speed between two looks adds."""
 
 
 @compiled
@@ -61,6 +62,7 @@ def evaluate_poses(
     horizon_s: float,
     far_m: float,
     zones_m: FloatArray,
+    apart_m: float,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """What is to be known of K poses (K, J) that move at (K, J), among S body segments that move on.
 
@@ -68,8 +70,14 @@ def evaluate_poses(
         times_s: (K,) from when the segments are where they are told.
         positions_rad: (K, J) of the joints.
         velocities_rad_s: (K, J) of the joints.
-        columns, offsets, axes: The chain.
-        mounted, ends_m, sizes_m, outer_m, pairs: The robot's capsules.
+        columns: Of `Chain`.
+        offsets: Of `Chain`.
+        axes: Of `Chain`.
+        mounted: Of `Capsules`.
+        ends_m: Of `Capsules`.
+        sizes_m: Of `Capsules`.
+        outer_m: Of `Capsules`.
+        pairs: Of `Capsules`.
         moving: (M,) places of those that are kept away from people.
         people_m: (S, 2, 3) ends of the segments' axes ...
         people_m_s: (S, 2, 3) ... and how they move, for `horizon_s` at most ...
@@ -77,23 +85,24 @@ def evaluate_poses(
         horizon_s: See there.
         far_m: Distances beyond are not computed.
         zones_m: (S,) nearer than this the rates are computed.
+        apart_m: Distance that parts of the robot keep from each other; infinite if that does not matter here.
 
     Returns:
-        (K,) clearance to itself [m], at most `LOOK_SELF_M`;
+        (K,) clearance to itself beyond `apart_m` [m], at most `LOOK_SELF_M`; while two parts that come together as
+            fast as they can are still apart, the distance that is left of the last exact one stands for it;
         (K,) greatest speed of a point of the moving capsules [m/s];
         (K, S) clearance to each segment [m], at most `far_m`;
-        (K, S) greatest speed of a capsule inside the zone towards the segment [m/s], not below 0;
+        (K, S) greatest speed of the nearest point of a capsule inside the zone towards the segment [m/s], not below 0;
         (K, S) greatest speed of the segment towards such a capsule [m/s], not below 0.
     """
     count, others = len(positions_rad), len(radii_m)
-    own, speed = np.empty(count), np.zeros(count)
+    own, speed = np.full(count, LOOK_SELF_M), np.zeros(count)
     clear, toward, approach = np.full((count, others), far_m), np.zeros((count, others)), np.zeros((count, others))
     placed, ends_m_s = np.empty((len(mounted), 3, 3)), np.empty((len(moving), 2, 3))
     rim_m_s, segment = np.empty(len(moving)), np.empty((3, 3))
     for row in range(count):
         frames = frames_of(positions_rad[row], columns, offsets, axes)
         place_capsules(frames, mounted, ends_m, placed)
-        own[row] = least_clearance(placed, sizes_m, placed, sizes_m, pairs, LOOK_SELF_M)
         turning, shift = link_twists(frames, velocities_rad_s[row], columns, axes)
         cx, cy, cz = 0.0, 0.0, 0.0
         for number in range(len(moving)):
@@ -111,6 +120,10 @@ def evaluate_poses(
             cx += placed[part, 2, 0] / len(moving)
             cy += placed[part, 2, 1] / len(moving)
             cz += placed[part, 2, 2] / len(moving)
+        if row > 0:
+            own[row] = own[row - 1] - 2.0 * max(speed[row - 1], speed[row]) * (times_s[row] - times_s[row - 1])
+        if not np.isinf(apart_m) and (row == 0 or own[row] <= SLACK_M):
+            own[row] = least_clearance(placed, sizes_m, placed, sizes_m, pairs, LOOK_SELF_M) - apart_m
         around = 0.0  # radius of a ball about the whole arm
         for number in range(len(moving)):
             part = int(moving[number])
@@ -143,19 +156,23 @@ def evaluate_poses(
                 clear[row, other] = min(clear[row, other], distance - radii)
                 if distance - radii >= zone:
                     continue
-                first, second, coming, way = 0.0, 0.0, 0.0, max(distance, 1e-9)
+                closing, coming, way = 0.0, 0.0, max(distance, 1e-9)
                 for i in range(3):
                     here = placed[part, 0, i] + s * (placed[part, 1, i] - placed[part, 0, i])
                     there = segment[0, i] + t * (segment[1, i] - segment[0, i])
                     n = (there - here) / way
-                    first += n * ends_m_s[number, 0, i]
-                    second += n * ends_m_s[number, 1, i]
+                    # What turning adds at the surface there is at right angles to the way between both.
+                    closing += n * (ends_m_s[number, 0, i] + s * (ends_m_s[number, 1, i] - ends_m_s[number, 0, i]))
                     if times_s[row] < horizon_s:
                         moves = people_m_s[other, 0, i] + t * (people_m_s[other, 1, i] - people_m_s[other, 0, i])
                         coming -= n * moves
-                toward[row, other] = max(toward[row, other], max(first, second) + rim_m_s[number])
+                toward[row, other] = max(toward[row, other], closing)
                 approach[row, other] = max(approach[row, other], coming)
     return own, speed, clear, toward, approach
+
+
+LEAST_M_S = 0.03
+"""A slower motion towards somebody is none: parts of an arm that gives way as a whole turn so slowly."""
 
 
 @compiled
@@ -171,39 +188,43 @@ def path_bounds(
     near_speed_m_s: float,
     jerk_m_s3: float,
 ) -> FloatArray:
-    """(K - 1, 1 + 3 S) of a path, for each time between two of K looks: what holds during all of it.
+    """(K - 1, 1 + 4 S) of a path, for each time between two of K looks: what holds during all of it.
 
     During that time the arm is no faster than at its ends and by what jerk can add (a curve stays within a eighth of
     its second derivative times the square of the time about its chord), and comes no nearer than at that speed.
 
     Args:
         times_s: (K,) of the looks.
-        own, speed, clear, toward, approach: As `evaluate_poses` returns them.
+        own: As `evaluate_poses` returns it, and the next four.
+        speed: See there.
+        clear: See there.
+        toward: See there.
+        approach: See there.
         people_speed_m_s: (S,) greatest speed of each segment.
         zones_m: (S,) nearer than this, speed is limited ...
         near_speed_m_s: ... to this, and towards a segment to this less its own approach.
         jerk_m_s3: Greatest jerk of a point of the arm.
 
     Returns:
-        Clearance to itself [m]; then of each segment the clearance [m], by how much the arm is too fast near it, and by
-        how much it is too fast towards it [m/s].
+        Clearance to itself [m]; then of each segment the least clearance [m], that at the looks [m], by how much the
+        arm is too fast near it, and by how much it is too fast towards it [m/s].
     """
     others = len(zones_m)
-    bounds = np.zeros((len(times_s) - 1, 1 + 3 * others))
+    bounds = np.zeros((len(times_s) - 1, 1 + 4 * others))
     for look in range(len(times_s) - 1):
         during_s = times_s[look + 1] - times_s[look]
         more = jerk_m_s3 * during_s * during_s / 8.0
         fastest = max(speed[look], speed[look + 1]) + more
         bounds[look, 0] = min(own[look], own[look + 1])
         for other in range(others):
-            a, b, place = clear[look, other], clear[look + 1, other], 1 + 3 * other
+            a, b, place = clear[look, other], clear[look + 1, other], 1 + 4 * other
             nearest = min(min(a, b), 0.5 * (a + b - (fastest + people_speed_m_s[other]) * during_s))
-            bounds[look, place] = nearest
+            bounds[look, place], bounds[look, place + 1] = nearest, min(a, b)
             if nearest < zones_m[other]:
                 coming = max(approach[look, other], approach[look + 1, other])
-                to = max(toward[look, other], toward[look + 1, other]) + more
-                bounds[look, place + 1] = max(0.0, fastest - near_speed_m_s)
-                bounds[look, place + 2] = max(0.0, to - max(0.0, near_speed_m_s - coming))
+                to = max(toward[look, other], toward[look + 1, other])
+                bounds[look, place + 2] = max(0.0, fastest - near_speed_m_s)
+                bounds[look, place + 3] = max(0.0, to - max(0.0, near_speed_m_s - coming) - LEAST_M_S)
     return bounds
 
 
@@ -216,9 +237,9 @@ def find_breach(bounds: FloatArray, least: FloatArray, keep_m: FloatArray, round
     """The first rule that a path breaks, as a place in `BREACHES`, and of which of S segments (-1: of none).
 
     Args:
-        bounds: (I, 1 + 3 S) of the path.
-        least: (I, 1 + 3 S) of another that is always allowed, since nothing better can be done: what is not worse than
-            that breaks no rule; or none (0, 1 + 3 S).
+        bounds: (I, 1 + 4 S) of the path.
+        least: (I, 1 + 4 S) of another that is always allowed, since nothing better can be done: what is not worse than
+            that breaks no rule; or none (0, 1 + 4 S).
         keep_m: (S,) distance to keep.
         rounding: Less than this is not worse.
     """
@@ -227,10 +248,13 @@ def find_breach(bounds: FloatArray, least: FloatArray, keep_m: FloatArray, round
         if bounds[row, 0] < (min(0.0, least[row, 0] - rounding) if excused else 0.0):
             return 1, -1
         for other in range(len(keep_m)):
-            place = 1 + 3 * other
-            if bounds[row, place] < (min(keep_m[other], least[row, place] - rounding) if excused else keep_m[other]):
+            place = 1 + 4 * other
+            if bounds[row, place] < keep_m[other] and not (
+                # A bound between looks is worse for what moves than for what stands; who moves away is no nearer.
+                excused and bounds[row, place + 1] >= least[row, place + 1] - rounding
+            ):
                 return 2, other
-            for rate in range(place + 1, place + 3):
+            for rate in range(place + 2, place + 4):
                 if bounds[row, rate] > rounding + (least[row, rate] if excused else 0.0):
                     return 3, other
     return 0, -1
@@ -255,9 +279,16 @@ def nearest_rows(
 
     Args:
         position_rad: (J,) of the joints.
-        columns, offsets, axes: The chain.
-        mounted, ends_m, outer_m, moving: The robot's capsules.
-        people_m, people_m_s, radii_m: The segments, as in `evaluate_poses`.
+        columns: Of `Chain`.
+        offsets: Of `Chain`.
+        axes: Of `Chain`.
+        mounted: Of `Capsules`.
+        ends_m: Of `Capsules`.
+        outer_m: Of `Capsules`.
+        moving: Of `Capsules`.
+        people_m: (S, 2, 3) ends of the segments' axes ...
+        people_m_s: (S, 2, 3) ... and how they move ...
+        radii_m: (S,) ... and their radii.
         far_m: Places further away are left out.
 
     Returns:

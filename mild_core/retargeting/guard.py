@@ -26,7 +26,7 @@ from mild_core.retargeting.capsules import Capsules, capsules_of
 from mild_core.retargeting.chain import Chain, chain_of, nearest_points
 from mild_core.retargeting.clearance import BREACHES, evaluate_poses, find_breach, nearest_rows, path_bounds
 from mild_core.retargeting.limiter import JointMotion, Limiter
-from mild_core.retargeting.obstacles import Obstacles
+from mild_core.retargeting.obstacles import NOBODY, Obstacles
 from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.shapes import FloatArray
@@ -133,15 +133,18 @@ class Guard:
         velocities_rad_s: FloatArray,
         among: Obstacles,
         beyond_m: float,
+        itself: bool = True,
     ) -> View:
-        """What is seen of K poses (K, J) that move at (K, J), K times after now.
+        """What is seen of K poses (K, J) of a path that move at (K, J), K times after now.
 
         Args:
             times_s: (K,) those times.
             positions_rad: The poses.
             velocities_rad_s: How they move.
             among: Everyone.
-            beyond_m: Rates are computed this far outside of the zones in which speed is limited, distances twice as far.
+            itself: Whether its clearance to itself matters.
+            beyond_m: Rates are computed this far outside of the zones in which speed is limited, distances twice as
+                far.
         """
         chain, capsules = self.chain, self._capsules
         widest_m = float(among.zones_m.max(initial=0.0))
@@ -149,14 +152,19 @@ class Guard:
             *(times_s, positions_rad, velocities_rad_s, chain.columns, chain.offsets, chain.axes),
             *(capsules.mounted, capsules.ends_m, capsules.sizes_m, capsules.outer_m, capsules.pairs, capsules.moving),
             *(among.ends_m, among.velocities_m_s, among.radii_m, among.horizon_s),
-            *(widest_m + 2.0 * beyond_m, among.zones_m + beyond_m),
+            *(widest_m + 2.0 * beyond_m, among.zones_m + beyond_m, APART_M if itself else math.inf),
         )
-        return View(own - APART_M, *others)
+        return View(own, *others)
+
+    def own_clearance_m(self, positions_rad: FloatArray) -> FloatArray:
+        """(K,) clearance of the robot to itself, beyond what is kept, at poses (K, J) [m]."""
+        still = np.zeros((1, len(self.robot.joint_names)))
+        return np.array([self.view(np.zeros(1), pose[None], still, NOBODY, 0.0).own_m[0] for pose in positions_rad])
 
     def here(self, motion: JointMotion, among: Obstacles) -> View:
         """What is seen of the robot where it is."""
         position, velocity = np.array([motion.position_rad]), np.array([motion.velocity_rad_s])
-        return self.view(np.zeros(1), position, velocity, among, UNPACED_M)
+        return self.view(np.zeros(1), position, velocity, among, UNPACED_M, itself=False)
 
     def check_motion(
         self, limiter: Limiter, now: JointMotion, then: JointMotion, elapsed_s: float, here: View, among: Obstacles
@@ -217,18 +225,22 @@ class Guard:
             times_s, *seen, among.speeds_m_s, among.zones_m, self.settings.near_speed_m_s, self._jerk_m_s3
         )
 
-    def push_out(self, point_m: FloatArray, among: Obstacles) -> FloatArray:
-        """(3,) the point, or the nearest one at which the robot's hand keeps out of what must not be touched."""
+    def push_out(self, point_m: FloatArray, among: Obstacles) -> tuple[FloatArray, int]:
+        """(3,) the point, or the nearest one at which the robot's hand keeps out of what must not be touched.
+
+        With the place of the segment that it is pushed out of; -1 for none.
+        """
+        pushed = -1
         each = zip(among.ends_m, among.radii_m, among.keep_m, strict=True)
-        for (start, end), radius_m, keep_m in each:
+        for place, ((start, end), radius_m, keep_m) in enumerate(each):
             if not math.isfinite(keep_m):
                 continue
             distance_m, _, share = nearest_points(point_m, point_m, start, end)
             least_m = radius_m + keep_m + HAND_ROOM_M
             if 1e-6 < distance_m < least_m:
                 away = point_m - (start + share * (end - start))
-                point_m = point_m + away * (least_m / distance_m - 1.0)
-        return point_m
+                point_m, pushed = point_m + away * (least_m / distance_m - 1.0), place
+        return point_m, pushed
 
     def nearness(self, near_m: float) -> float:
         """From 0 to 1 where the robot is so near somebody that its speed is limited."""
@@ -259,7 +271,9 @@ class Guard:
         outside_m = (here.clear_m[0] - among.zones_m).min(initial=math.inf)
         if elapsed_s <= 0.0 or (outside_m > UNPACED_M and not crowded):
             return to_rad
-        there = self.view(np.zeros(1), from_rad[None], ((to_rad - from_rad) / elapsed_s)[None], among, UNPACED_M)
+        there = self.view(
+            np.zeros(1), from_rad[None], ((to_rad - from_rad) / elapsed_s)[None], among, UNPACED_M, itself=False
+        )
         beyond_m = np.maximum(np.minimum(here.clear_m[0], there.clear_m[0]) - among.zones_m, 0.0)
         near, slack = self.settings.near_speed_m_s, beyond_m / SLOWING_S
         most = PACE * near + (0.0 if crowded else float(slack.min(initial=math.inf)))
@@ -283,7 +297,8 @@ class Guard:
 
     def arm_speed(self, position_rad: FloatArray, velocity_rad_s: FloatArray, among: Obstacles) -> float:
         """Greatest speed of a point of the arm [m/s]."""
-        return float(self.view(np.zeros(1), position_rad[None], velocity_rad_s[None], among, 0.0).speed_m_s[0])
+        seen = self.view(np.zeros(1), position_rad[None], velocity_rad_s[None], among, 0.0, itself=False)
+        return float(seen.speed_m_s[0])
 
 
 def levers(robot: RobotModel) -> FloatArray:

@@ -103,7 +103,7 @@ class Obstacles:
 
     def touchable(self) -> Obstacles:
         """The same, of whom the offered hand and forearm may be touched."""
-        if self.offered < 0:
+        if self.offered < 0 or self.keep_m[self.offered] == -np.inf:
             return self
         keep = self.keep_m.copy()
         keep[self.offered] = -np.inf

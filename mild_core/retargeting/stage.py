@@ -6,10 +6,11 @@
 The robot is commanded from where it says it is. Once the person raises the hand it follows the newest motion, read a
 little ahead of now because the limits make it lag, and brings the hands together where they are meant to touch. When
 the hand is back, or without a usable motion, it stops smoothly and goes home slowly; whoever starts on its way is
-followed at once. A motion into itself, into anybody or too fast near them is refused, and the arm gives way to whoever
-comes too near, also while it waits at home; only an operator's hold stands still. A robot that is found far from its command for a while (moved by hand, blocked, switched off) is not pulled back: the command moves smoothly to
-where the robot is, and whatever follows ramps from there. Of a robot that has ceased to say where it is nobody knows
-that, so the command stops until it speaks again.
+followed at once. A motion into itself, into anybody or too fast near them is refused, and the arm gives way to people
+who come too near, also while it waits at home; only an operator's hold stands still. A robot that is found far from its
+command for a while (moved by hand, blocked, switched off) is not pulled back: the command moves smoothly to where the
+robot is, and what follows ramps from there. A robot that no longer says where it is may be anywhere, so the command
+stops until it speaks again.
 """
 
 from __future__ import annotations
@@ -255,9 +256,7 @@ class Retargeting:
         taken, verdict = self._harmless(motion, wanted, among, here, elapsed_s)
         refusal = verdict.refusal
         if refusal and among.is_bystander(verdict.segment):
-            if state.paused_ns is None or (now_ns - state.paused_ns) * 1e-9 > PAUSED_S:
-                state = state.counted("bystander_paused")
-            state = replace(state, paused_ns=now_ns)
+            state = _paused(state, now_ns)
         if state.pursuit is not None and (retreat is not None or (refusal and refusal not in (SLOWED, TOO_FAST))):
             # Held back for good a joint sets off anew, and does not hurry after what went on without it.
             each = zip(taken.position_rad, wanted.position_rad, strict=True)
@@ -330,9 +329,11 @@ class Retargeting:
         pursuit = state.pursuit or Pursuit.onto(aimed, self._limiter.resting_place(motion))
         if self._contact is not None and self.standing is not None:
             hand_m = self._hand(state, now_ns)
-            touches = plan.interaction in self.standing.by_interaction and np.isfinite(hand_m).all()
+            touches = plan.interaction in self.standing.by_interaction and bool(np.isfinite(hand_m).all())
             touches = touches and self._may_touch(state) and not state.yielding
-            met_m = self._guard.push_out(hand_m, among.touchable()) if touches else None
+            met_m, pushed = self._guard.push_out(hand_m, among.touchable()) if touches else (None, -1)
+            if among.is_bystander(pushed):
+                state = _paused(state, now_ns)
             offered = state.sight is not None and state.sight.offered()
             given = (plan.covariance, met_m, offered, state.touch)
             aimed, touch = self._contact.aim(aimed, *given, np.array(motion.position_rad), elapsed_s)
@@ -395,3 +396,10 @@ class Retargeting:
 
     def _inside(self, positions_rad: FloatArray) -> Joints:
         return tuple(np.minimum(np.maximum(positions_rad, self._lower), self._upper).tolist())
+
+
+def _paused(state: RetargetingState, now_ns: int) -> RetargetingState:
+    """The state after a bystander has held the arm back; counted once until it was free for a while."""
+    if state.paused_ns is None or (now_ns - state.paused_ns) * 1e-9 > PAUSED_S:
+        state = state.counted("bystander_paused")
+    return replace(state, paused_ns=now_ns)

@@ -19,7 +19,7 @@ from mild_core.retargeting.obstacles import Crowd
 from mild_core.retargeting.person import Sight
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.shapes import FloatArray
-from mild_core.signals import ROBOT_FRAME, WATCHED_PERSON
+from mild_core.signals import ROBOT_FRAME, UNKNOWN_DIRECTION, WATCHED_PERSON
 
 TURNED_AWAY, FAR, UNDECIDED, WATCHED = "start_turned_away", "start_too_far", "start_undecided", "start_watched"
 ASIDE, AT_HEAD = "start_aside", "start_at_head"
@@ -88,10 +88,8 @@ def way_of(sight: Sight, crowd: Crowd | None) -> Way:
     """
     to_robot, own = _around(sight, crowd)
     side = _side(own, sight.hand_m)
-    if f"{side}_upper_arm" in own:
-        shoulder = own[f"{side}_upper_arm"][0]
-    else:
-        shoulder = sight.rest_m + np.array([0.0, 0.0, ARM_M])
+    upper_arm = own.get(f"{side}_upper_arm")
+    shoulder = sight.rest_m + np.array([0.0, 0.0, ARM_M]) if upper_arm is None else upper_arm[0]
     outward = np.array([to_robot[1], -to_robot[0], 0.0]) * (1.0 if side == "right" else -1.0)
     axes = np.stack([to_robot, outward, np.array([0.0, 0.0, 1.0])])
     now = axes @ (sight.hand_m - shoulder)
@@ -119,9 +117,9 @@ def start_refusal(
     """
     if sight.frame_id == ROBOT_FRAME:
         to_robot, own = _around(sight, crowd)
-        if crowd is not None and math.isfinite(float(crowd.facing[0])):
-            if float(_flat(crowd.facing) @ to_robot) < math.cos(math.radians(settings.start_facing_deg)):
-                return TURNED_AWAY
+        facing = UNKNOWN_DIRECTION if crowd is None else _flat(crowd.facing)
+        if float(facing @ to_robot) < math.cos(math.radians(settings.start_facing_deg)):  # not so for NaN
+            return TURNED_AWAY
         away_m = math.dist(_middle(own, sight)[:2], shoulder_m[:2])
         if away_m > settings.start_trunk_m or math.dist(sight.hand_m, shoulder_m) > settings.start_hand_m:
             return FAR
@@ -159,4 +157,4 @@ def _flat(direction: FloatArray) -> FloatArray:
     """(3,) the horizontal part, of length 1; zero for a vertical one."""
     flat = np.array([direction[0], direction[1], 0.0])
     length = math.hypot(flat[0], flat[1])
-    return flat / length if length > 1e-9 else flat
+    return flat if length <= 1e-9 else flat / length

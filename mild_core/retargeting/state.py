@@ -16,7 +16,6 @@ from mild_core.retargeting.person import Point, Sight, seen_again
 from mild_core.retargeting.target import Plan, Pursuit
 from mild_core.signals import PersonPose
 
-
 PAUSED_S = 1.0
 """For so long after it was held back by a bystander the arm is said to be paused: diagnostics come once a second."""
 

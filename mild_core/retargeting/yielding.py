@@ -14,6 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mild_core.errors import SetupError
 from mild_core.retargeting.guard import PACE, Guard, View
@@ -22,7 +23,6 @@ from mild_core.retargeting.obstacles import Obstacles
 from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.shapes import FloatArray
-
 
 DAMPER_S = 0.3
 """Somebody who would be too near after this time makes the arm move; who is already, is left at the rate of their depth
@@ -118,7 +118,9 @@ class Yielding:
         speeds = self._speeds(here.clear_m[0], here.approach_m_s[0], among, np.arange(len(among.people)))
         return bool(speeds.max() >= LEAST_M_S)
 
-    def _speeds(self, clear_m: FloatArray, coming_m_s: FloatArray, among: Obstacles, places: FloatArray) -> FloatArray:
+    def _speeds(
+        self, clear_m: FloatArray, coming_m_s: FloatArray, among: Obstacles, places: NDArray[np.integer]
+    ) -> FloatArray:
         """Least speeds away from segments at these places; negative where one may still go nearer."""
         keep = np.minimum(among.keep_m, self.settings.keep_out_m)[places]
         # A hand that is on its way to be taken must not push the robot's away; only one that is too near does.

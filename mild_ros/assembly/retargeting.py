@@ -68,7 +68,7 @@ def _compile(robot: RobotModel, settings: RetargetingSettings, standing: Standin
     state, _ = stage.step(stage.init(), JointMeasurement(0, robot.joint_names, robot.home_rad), 0)
     state, _ = stage.step(state, None, 1)
     home_m = forward_kinematics(robot, robot.home_rad, robot.tool_link)[:3, 3]
-    trunk_m = home_m + [0.6, 0.0, 0.0]
+    trunk_m = home_m + np.array([0.6, 0.0, 0.0])
     for number, (hand_m, head_m) in enumerate(((trunk_m, trunk_m), (home_m + 0.1, trunk_m), (home_m + 0.1, home_m))):
         now_ns = (1 + number) * 10_000_000
         ends = np.array([[head_m, head_m], [trunk_m, trunk_m], [trunk_m, hand_m]])

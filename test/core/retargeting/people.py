@@ -64,6 +64,11 @@ def body_ends(hand_m: FloatArray, head_m: FloatArray, shoulders_m: FloatArray, h
     }
 
 
+def shifted(body: Ends, way_m: FloatArray) -> Ends:
+    """The same body elsewhere."""
+    return {part: (start + way_m, end + way_m) for part, (start, end) in body.items()}
+
+
 def segments(
     bodies: Iterable[tuple[int, Ends]], velocity_m_s: FloatArray | None = None, parts: Iterable[str] = tuple(RADII_M)
 ) -> BodySegments:

@@ -11,7 +11,6 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from mild_core.retargeting.guard import Guard
-from mild_core.retargeting.obstacles import NOBODY
 from mild_core.retargeting.person import Standing
 from mild_core.retargeting.robots.yumi import YUMI
 from mild_core.retargeting.stage import Request, Retargeting, RetargetingInput, RetargetingSettings, RetargetingState
@@ -109,7 +108,7 @@ BETWEEN_M = 0.01
 def check_clearance(retargeting: Retargeting, commands: list[JointCommand]) -> None:
     """Assert that parts of the robot never come nearer to each other than they may, or than they were at first."""
     at = np.array([command.positions_rad for command in commands])
-    clear_m = Guard(YUMI, retargeting.settings).view(np.zeros(len(at)), at, np.zeros_like(at), NOBODY, 0.0).own_m
+    clear_m = Guard(YUMI, retargeting.settings).own_clearance_m(at)
     assert clear_m.min() >= min(0.0, clear_m[0]) - BETWEEN_M
 
 

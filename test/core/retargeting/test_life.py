@@ -8,7 +8,7 @@ import pytest
 
 from mild_core.retargeting.chain import chain_of
 from mild_core.retargeting.guard import Guard
-from mild_core.retargeting.obstacles import NOBODY, Crowd, Obstacles, obstacles_of
+from mild_core.retargeting.obstacles import Crowd, Obstacles, obstacles_of
 from mild_core.retargeting.person import Standing
 from mild_core.retargeting.robots.yumi import YUMI
 from mild_core.retargeting.stage import Request, Retargeting, RetargetingSettings
@@ -126,7 +126,7 @@ def test_hands_meet_where_the_person_holds_theirs_and_the_arm_is_soft_then() -> 
 def test_no_hand_is_met_in_an_interaction_without_touch() -> None:
     run = Meeting()
     run.meet(0.5, REST_M, interaction="hand_wave")
-    run.meet(2.0, MEETING_M + [-0.25, 0.0, 0.1], AWAY, interaction="hand_wave")
+    run.meet(2.0, MEETING_M + np.array([-0.25, 0.0, 0.1]), AWAY, interaction="hand_wave")
     np.testing.assert_allclose(run.last.positions_rad, AWAY, atol=1e-3)
 
 
@@ -171,7 +171,7 @@ def test_the_robot_keeps_out_of_the_head_and_is_slow_near_the_person() -> None:
     settings = RetargetingSettings(start_watch_s=0.0)
     guard, run = Guard(YUMI, settings), Meeting(settings)
     run.meet(0.5, REST_M)
-    head_in_the_way = np.array([MEETING_M + [0.0, 0.13, 0.0], BODY_M[1], BODY_M[2]])
+    head_in_the_way = np.array([MEETING_M + np.array([0.0, 0.13, 0.0]), BODY_M[1], BODY_M[2]])
     for tick in range(200):
         run.now_ns += TICK_NS
         if tick % 3 == 0:
@@ -194,12 +194,12 @@ def test_a_motion_into_the_robots_own_body_is_refused_and_one_out_of_it_taken() 
     inside[4] += 0.5  # the forearm's own turn does no harm
     guard = Guard(YUMI, RetargetingSettings())
     way = YUMI.home_rad + np.linspace(0.0, 1.0, 21)[:, None] * (inside - YUMI.home_rad)
-    clear = guard.view(np.zeros(21), way, np.zeros_like(way), NOBODY, 0.0).own_m
+    clear = guard.own_clearance_m(way)
     assert min(clear) < -0.01, "the way there does collide"
     run = Run()
     run.wait(3.0, inside)
     at = np.array([command.positions_rad for command in run.commands])
-    assert guard.view(np.zeros(len(at)), at, np.zeros_like(at), NOBODY, 0.0).own_m.min() > -1e-3
+    assert guard.own_clearance_m(at).min() > -1e-3
     assert run.state.counts["refused_self_collision"] > 0
     assert abs(run.last.positions_rad[4] - inside[4]) < 1e-2, "a joint that does no harm goes on"
     check_limits(YUMI, run.commands)
