@@ -38,6 +38,9 @@ BETWEEN = 4
 NEVER_NEAR_M = 0.9
 """Ticks at which the arm is further away than this are not sampled."""
 
+TOWARDS_M_S = 0.05
+"""A slower motion of a link's nearest point towards somebody is none: an arm that gives way turns so slowly."""
+
 CLEAR_M = 0.07
 """Whoever is nearer at first may stay so."""
 
@@ -68,6 +71,12 @@ class Judge:
             frame = self._model.getFrameId(solid.link)
             if self._model.frames[frame].parentJoint > 1:  # the first link turns on the spot
                 self._points[frame] = _surface(solid.kind, solid.size_m) @ solid.origin[:3, :3].T + solid.origin[:3, 3]
+
+    @property
+    def links(self) -> list[slice]:
+        """Places of the points of each link."""
+        ends = np.cumsum([0, *(len(local) for local in self._points.values())]).tolist()
+        return [slice(start, end) for start, end in pairwise(ends)]
 
     def points(self, position_rad: FloatArray, velocity_rad_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(N, 3) points in the base frame [m] and (N, 3) their velocities [m/s]."""
@@ -242,13 +251,16 @@ def judged(seeds: range, seconds: float, moving: bool, every: int = 1) -> Found:
                     found.peaks_m_s[band] = max(found.peaks_m_s[band], there.max(initial=0.0))
                 fastest = max(fastest, speeds[nearest < BANDS_M[-1]].max(initial=0.0))
                 closing = np.einsum("nk,nsk->ns", rates, toward) - np.maximum(bound - np.maximum(coming, 0.0), 0.0)
-                beyond = max(beyond, closing[far < BANDS_M[-1]].max(initial=0.0))
+                for link in judge.links:
+                    nearest_of = far[link].argmin(axis=0), np.arange(far.shape[1])
+                    over = np.where(far[link][nearest_of] < BANDS_M[-1], closing[link][nearest_of], 0.0)
+                    beyond = max(beyond, over.max(initial=0.0))
                 found.clear_m = min(found.clear_m, float(far[:, kept].min(initial=np.inf)))
             found.above += fastest > bound
             found.towards_m_s = max(found.towards_m_s, beyond)
-            found.towards += beyond > 0.0
+            found.towards += beyond > TOWARDS_M_S
             slower = np.abs(after.velocities_rad_s).sum() <= np.abs(before.velocities_rad_s).sum() + 1e-9
-            found.not_braking += beyond > 0.0 and not slower
+            found.not_braking += beyond > TOWARDS_M_S and not slower
     return found
 
 

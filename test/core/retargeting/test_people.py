@@ -168,7 +168,8 @@ def test_near_people_who_stand_still_nothing_of_the_arm_is_ever_faster_than_allo
 def test_towards_people_who_move_the_arm_is_no_faster_than_their_approach_leaves_or_it_brakes() -> None:
     found = judged(range(900, 903), 4.0, moving=True, every=2)
     assert found.not_braking == 0
-    assert found.towards < 0.05 * found.ticks
+    assert found.towards < 0.02 * found.ticks
+    assert found.towards_m_s < 0.4
 
 
 def approaching(target_m: FloatArray, from_m: FloatArray, speed_m_s: float) -> Callable[[float], BodySegments]:
