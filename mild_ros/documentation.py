@@ -66,8 +66,8 @@ TOPICS = (
     Topic(
         *("person", "sensor_msgs/PointCloud2", "perception", "retargeting"),
         "the watched person's hand, head, middle of shoulders and of hips [m], where the chest points, and two rows "
-        "for each body segment of everyone in view: ends [m], velocities [m/s], radius [m], number of the person (0: the "
-        "watched one), part; in frame `robot` with `robot_from_camera`, else `arm`",
+        "for each body segment of everyone in view: ends [m], velocities [m/s], radius [m], number of the person (the "
+        "watched one is 0), part; in frame `robot` with `robot_from_camera`, else `arm`",
     ),
     Topic(
         *("motion", "`trajectory_msgs/JointTrajectory` or `sensor_msgs/PointCloud2`", "inference", "retargeting"),

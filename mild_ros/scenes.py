@@ -18,7 +18,8 @@ from mild_core.perception.skeletons import SOURCES
 from mild_core.retargeting.robots import ROBOTS
 from mild_core.shapes import FloatArray
 from mild_core.signals import JointMeasurement
-from mild_ros.simulation.person import bodies, kneeling, skeleton_frames, with_fist
+from mild_ros.bag_camera import FILE, camera_text, facing_camera, write_camera
+from mild_ros.simulation.person import Camera, bodies, kneeling, skeleton_frames, with_fist
 
 RATE_HZ = 30.0
 """The Azure Kinect's."""
@@ -33,6 +34,10 @@ Direction = tuple[float, float, float]
 
 REST: tuple[Direction, Direction] = ((-0.08, -0.08, -1.0), (0.02, -0.06, -1.0))
 """Upper arm and forearm hang down."""
+
+
+MODELS = {"yumi": "yumi_buetepage_ahead", "pepper": "pepper_nuisi_next"}
+"""Whose recordings say where people stand before each robot."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +74,11 @@ class Scene:
     poses: tuple[Pose, ...]
     robot: str = "yumi"
     kneels: bool = False
+
+    @property
+    def interaction(self) -> str:
+        """Its name."""
+        return self.name.removesuffix("_kneeling")
 
 
 def _still(seconds: float) -> Pose:
@@ -178,8 +188,22 @@ def arm_track(scene: Scene, rate_hz: float = RATE_HZ) -> FloatArray:
     return np.stack([shoulder, elbow, hand], axis=1)
 
 
+def cameras(scene: Scene) -> dict[str, str]:
+    """Where the camera stands before each robot, for the person to stand where the model's recordings put people.
+
+    As the parameter `robot_from_camera` takes it.
+    """
+    from mild_ros.assembly.perception import manifest_of
+
+    arm_from_camera = Camera().arm_from_camera
+    return {
+        robot: camera_text(facing_camera(manifest_of(model).robot_from_human, scene.interaction, arm_from_camera))
+        for robot, model in MODELS.items()
+    }
+
+
 def write_scene(scene: Scene, folder: Path) -> None:
-    """Write the bag of a scene and its SOURCE.md into `folder`, which must not exist."""
+    """Write the bag of a scene, its camera and its SOURCE.md into `folder`, which must not exist."""
     # Only here: what the scenes show is also wanted where there is no ROS.
     from mild_ros.bag_writer import create_bag
     from mild_ros.encoding import encode, type_name_of
@@ -196,6 +220,7 @@ def write_scene(scene: Scene, folder: Path) -> None:
             seen = replace(frame, positions_m=frame.positions_m.astype(np.float32))  # the tracker's own precision
             message = people_to_marker_array((seen,), SOURCES["azure_kinect"])
             bag.write(TOPIC, type_name_of(message), frame.stamp_ns, encode(message))
+    write_camera(folder, cameras(scene))
     (folder / "SOURCE.md").write_text(_source(scene, len(body) / RATE_HZ))
 
 
@@ -209,6 +234,8 @@ between them move the right arm of the kinematic person of `mild_ros/simulation/
 
 {duration_s:.1f} s. `{TOPIC}`: `visualization_msgs/MarkerArray` as the Azure Kinect driver publishes it, one person of
 32 joints in a depth camera's optical frame, {RATE_HZ:g} Hz. `/joint_states`: one message, `{scene.robot}` at home.
+`{FILE}` says where the camera stands before YuMi and before Pepper: so that the person stands where people stood in the
+recordings of the models {" and ".join(f"`{model}`" for model in MODELS.values())} during this interaction.
 
 Licence: Apache-2.0, as everything here.
 """

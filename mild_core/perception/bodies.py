@@ -111,7 +111,7 @@ COINCIDING_M = 0.15
 """Two bodies whose trunks are nearer to each other than this are one that the tracker shows twice."""
 
 RENUMBERED_M = 0.3
-"""A missing body this near to one that is seen is the same one."""
+"""A missing body this near to one that was not there before is the same one."""
 
 MOST_BODIES = 16
 """More bodies than this are not followed: the nearest are."""
@@ -156,7 +156,7 @@ class Bodies:
     Attributes:
         everyone: Who is followed.
         watched: Number of the watched one; 0 for none.
-        newest_ns: Stamp of the newest message with people; 0 before the first.
+        newest_ns: Stamp of the newest message with people; None before the first.
         time_ns: To which everyone is brought forward, of the clock of the stamps ...
         received_ns: ... and when that message came.
         last_number: The newest body's.
@@ -165,7 +165,7 @@ class Bodies:
 
     everyone: tuple[TrackedBody, ...] = ()
     watched: int = 0
-    newest_ns: int = 0
+    newest_ns: int | None = None
     time_ns: int = 0
     received_ns: int = 0
     last_number: int = 0
@@ -231,16 +231,18 @@ def followed(
         keep_s: How long a missing body is kept.
         now_ns: When the message came.
     """
+    newest_ns = before.newest_ns
     if people:
         stamp_ns = watched.person.stamp_ns if watched is not None else _middle_stamp(people)
-        if before.newest_ns - JITTER_NS <= stamp_ns <= before.newest_ns:
+        if newest_ns is not None and newest_ns - JITTER_NS <= stamp_ns <= newest_ns:
             return before
-        if stamp_ns < before.newest_ns:  # time has gone back
+        if newest_ns is not None and stamp_ns < newest_ns:  # time has gone back
             before = Bodies(last_number=before.last_number)
         newest_ns = stamp_ns
+    elif newest_ns is None:
+        stamp_ns = now_ns
     else:
-        stamp_ns = before.time_ns + max(now_ns - before.received_ns, 0) if before.newest_ns else now_ns
-        newest_ns = before.newest_ns
+        stamp_ns = before.time_ns + max(now_ns - before.received_ns, 0)
     elapsed_s = max(stamp_ns - before.time_ns, SHORTEST_NS) * 1e-9
     shown = [seen for seen in people if _has_place(seen)]
     left_out = max(len(shown) - MOST_BODIES, 0)
@@ -271,13 +273,12 @@ def followed(
         hidden_s = body.hidden_s + elapsed_s
         if body.number in taken or hidden_s > keep_s or len(everyone) == MOST_BODIES:
             continue
-        if any(_near(body.trunk_m, other.trunk_m, RENUMBERED_M) for other in seen_now):
+        if any(_is_same(body, other, other.number > before.last_number) for other in seen_now):
             continue
         marks = coasted(body.marks, elapsed_s)
         marks.flags.writeable = False
         everyone.append(TrackedBody(body.number, body.person_id, hidden_s, body.trunk_m, marks))
-    time_ns = max(stamp_ns, before.time_ns)
-    return Bodies(tuple(everyone), number_watched, newest_ns, time_ns, now_ns, last_number, left_out)
+    return Bodies(tuple(everyone), number_watched, newest_ns, stamp_ns, now_ns, last_number, left_out)
 
 
 def body_segments(bodies: Bodies, placing: Placing, up: FloatArray) -> BodySegments:
@@ -339,6 +340,11 @@ def _has_place(seen: Seen) -> bool:
 
 def _nearness(seen: Seen) -> float:
     return min([math.hypot(*place) for place in seen.trunk_m if place is not None], default=math.inf)
+
+
+def _is_same(missing: TrackedBody, seen: TrackedBody, is_new: bool) -> bool:
+    """Whether a missing body is one that is seen; two that were there before may stand close to each other."""
+    return _near(missing.trunk_m, seen.trunk_m, RENUMBERED_M if is_new else COINCIDING_M)
 
 
 def _near(one: Trunk, other: Trunk, within_m: float) -> bool:
@@ -501,11 +507,12 @@ def observed(
     joints = _joints(index, positions, confidence, min_confidence, tip_m)
     trunk = (HEAD, LEFT_SHOULDER, RIGHT_SHOULDER, LEFT_HIP, RIGHT_HIP, 14)
 
-    # Too little of the trunk is seen for sure: then what is doubted has to do.
+    # Too little of the trunk has been seen for sure for a while: then what is doubted has to do.
     sure = 0
     for mark in trunk:
         sure += joints[mark, 3] == 2.0
-    doubting = sure < 2
+    recent = before[_AXES, 8] > 0.0 and before[_AXES, 7] + before[_WHOLE, 0] <= FORGOTTEN_S
+    doubting = sure < 2 and not recent
     if doubting:
         for mark in trunk:
             if joints[mark, 3] == 1.0:
@@ -559,7 +566,7 @@ def observed(
             after[mark, :3], after[mark, 3:6] = place, 0.0
         after[mark, _ANCHOR : _ANCHOR + 3] = after[mark, :3]
         after[mark, _HIDDEN], after[mark, _KNOWN] = 0.0, 1.0
-        after[mark, _SPREAD] = DOUBTED_M if doubting and PARENTS[mark] < 0 else 0.0
+        after[mark, _SPREAD] = 2.0 * DOUBTED_M if doubting and PARENTS[mark] < 0 else 0.0
         if PARENTS[mark] < 0:
             swept += after[mark, 3:6]
             steps += 1

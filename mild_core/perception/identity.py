@@ -98,10 +98,16 @@ def seen_person(person: SkeletonFrame) -> Seen:
 
 
 def apart_m(one: Trunk, other: Trunk) -> float | None:
-    """Mean distance [m] between two trunks; None without a common joint."""
+    """Distance [m] between two trunks: the median of the joints', as trackers throw single ones away.
+
+    None without a common joint.
+    """
     pairs = zip(one, other, strict=True)
-    distances = [math.dist(here, there) for here, there in pairs if here is not None and there is not None]
-    return math.fsum(distances) / len(distances) if distances else None
+    distances = sorted([math.dist(here, there) for here, there in pairs if here is not None and there is not None])
+    if not distances:
+        return None
+    half = len(distances) // 2
+    return distances[half] if len(distances) % 2 else (distances[half - 1] + distances[half]) / 2.0
 
 
 def _distance_from_origin(seen: Seen) -> float:

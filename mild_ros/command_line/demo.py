@@ -29,6 +29,7 @@ def demo(
 
         mild demo --scene hand_wave
     """
+    from mild_ros.bag_camera import keep_camera, with_camera
     from mild_ros.command_line.results import leave, run_with_progress, tell
     from mild_ros.demo import RunOptions
     from mild_ros.scenes import SCENES
@@ -39,9 +40,11 @@ def demo(
     if scene not in scenes:
         raise unknown_name("scene", scene, scenes)
     out.mkdir(parents=True, exist_ok=True)
-    options, console = RunOptions(PipelineParameters(model=model, interaction=interaction)), Console()
+    bag, console = share_folder("bags") / scene, Console()
+    options = RunOptions(with_camera(PipelineParameters(model=model, interaction=interaction), bag))
     title = f"{scene.replace('_', ' ').capitalize()}: a person and a simulated YuMi"
-    recorded = run_with_progress(share_folder("bags") / scene, out, options, console)
+    recorded = run_with_progress(bag, out, options, console)
+    keep_camera(recorded, options.pipeline)
     shown = leave(recorded, out, options, title, console)
     tell(shown, title, console)
     if shown.report.limits is None:

@@ -132,10 +132,12 @@ def filmstrip(
 
         mild plot filmstrip out/pepper/recorded --config pepper --source azure_kinect
 
-    The person is drawn where the model takes them to stand, or with -p robot_from_camera:='…' where they stood.
+    The person is drawn where the camera of the recording saw them (its `camera.toml`, or -p robot_from_camera:='…'),
+    and without one where the model takes them to stand.
     """
     from mild_core.retargeting.robot_file import find_robot
     from mild_ros.assembly.perception import make_perception, manifest_of, skeleton_source
+    from mild_ros.bag_camera import with_camera
     from mild_ros.parameter_files import read_parameters
     from mild_ros.settings import PipelineParameters
     from mild_ros.viewing.filmstrip import draw_filmstrip
@@ -145,6 +147,7 @@ def filmstrip(
 
     told = {"model": model, "robot": robot, "source": source}
     parameters = read_parameters(PipelineParameters, "pipeline", config, given or (), **told)
+    parameters = with_camera(parameters, run, given or ())
     found, manifest = find_robot(parameters.robot), manifest_of(parameters.model)
     recorded = read_run(run, skeleton_source(parameters))
     staged = stage(recorded, make_perception(parameters, manifest), manifest, found)

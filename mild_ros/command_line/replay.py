@@ -16,6 +16,7 @@ from mild_ros.command_line import options
 
 if TYPE_CHECKING:
     from mild_ros.demo import RunOptions
+    from mild_ros.settings import PipelineParameters
 
 
 def replay(
@@ -60,6 +61,9 @@ def replay(
         -p 'joint_names:=[right_shoulder, right_elbow, right_hand, left_shoulder, pelvis]'
         -p 'joint_places:=[/vrpn/rs/pose, /vrpn/re/pose, /vrpn/rh/pose, /vrpn/ls/pose, /vrpn/hip/pose]'
 
+    **Where the camera stood** is in the bag's folder for those that we ship (`camera.toml`), or told by
+    `-p robot_from_camera:='x y z roll pitch yaw'`.
+
     **A recorded trial**: a kinematic person makes a tracker's messages of it, the nodes answer, and what they command
     is compared with what the recorded robot did.
 
@@ -69,6 +73,7 @@ def replay(
 
         mild replay --dataset nuisi --trial 0 --model nuisi_partner_next -p robot:=pepper
     """
+    from mild_ros.bag_camera import keep_camera, with_camera
     from mild_ros.command_line.results import leave, run_with_progress, tell, tell_lost
     from mild_ros.demo import RunOptions
     from mild_ros.parameter_files import read_parameters
@@ -80,14 +85,17 @@ def replay(
     _check_possible(rate=rate != 1.0 and (lock_step or not nodes), loop=loop and not nodes, paused=paused and not nodes)
     named = {"model": model, "interaction": interaction, "source": source}
     parameters = read_parameters(PipelineParameters, "pipeline", config, given or (), **named)
-    asked, console = RunOptions(parameters, topic, lock_step, salvage, start, rate, loop), Console()
+    console = Console()
     folder = out or Path("out/replay") / (bag.resolve().stem if bag else f"{dataset}_{trial}")
     with tempfile.TemporaryDirectory(prefix="mild_trial_") as scratch:
-        title = bag.resolve().name if bag else _write_trial(dataset, data, trial, Path(scratch, "trial"))
+        title = bag.resolve().name if bag else _write_trial(dataset, data, trial, Path(scratch, "trial"), parameters)
         bag = bag or Path(scratch, "trial")
+        parameters = with_camera(parameters, bag, given or ())
+        asked = RunOptions(parameters, topic, lock_step, salvage, start, rate, loop)
         tell_lost(bag, salvage, console)
         by_nodes = partial(run_with_progress, paused=paused)
         recorded = (by_nodes if nodes else _in_process)(bag, folder, asked, console)
+    keep_camera(recorded, parameters)
     tell(leave(recorded, folder, asked, title, console), title, console)
 
 
@@ -98,10 +106,13 @@ def _check_possible(**refused: bool) -> None:
             raise SetupError(f"--{name}", "needs nodes in real time: without, all goes as fast as it can", "add --dds")
 
 
-def _write_trial(dataset: str, data: Path | None, trial: int, folder: Path) -> str:
-    """Write the bag of a trial; returns what to call it."""
+def _write_trial(dataset: str, data: Path | None, trial: int, folder: Path, parameters: PipelineParameters) -> str:
+    """Write the bag of a trial, its person where the model's recordings put people; returns what to call it."""
     from mild_core.learning.datasets import recording_named
     from mild_core.retargeting.robot_file import find_robot
+    from mild_ros.assembly.perception import manifest_of
+    from mild_ros.bag_camera import camera_text, facing_camera, write_camera
+    from mild_ros.simulation.person import Camera
     from mild_ros.trial_bag import write_trial
 
     recording = recording_named(dataset, data)
@@ -113,6 +124,9 @@ def _write_trial(dataset: str, data: Path | None, trial: int, folder: Path) -> s
     found = trials[trial]
     robot = find_robot(recording.robot) if recording.robot else None
     write_trial(folder, found.observed_m, robot, found.controlled, found.rate_hz)
+    there = manifest_of(parameters.model).robot_from_human
+    camera = facing_camera(there, found.interaction, Camera().arm_from_camera)
+    write_camera(folder, {parameters.robot: camera_text(camera)})
     return f"{dataset}, trial {trial}: {found.interaction.replace('_', ' ')}"
 
 

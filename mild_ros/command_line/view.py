@@ -31,6 +31,7 @@ def view(
     The page is one HTML file with a play bar. It needs no network and no server. Skeletons that are read with
     parameters, or a robot other than YuMi, are told as to `mild replay`: `--config pepper`, `-p frame_id:=world`.
     """
+    from mild_ros.bag_camera import with_camera
     from mild_ros.command_line.results import PAGE, leave, tell, tell_lost
     from mild_ros.demo import RunOptions
     from mild_ros.parameter_files import read_parameters
@@ -39,6 +40,7 @@ def view(
     folder = out or Path("out/view") / bag.resolve().stem
     folder.mkdir(parents=True, exist_ok=True)
     parameters = read_parameters(PipelineParameters, "pipeline", config, given or (), model=model, source=source)
+    parameters = with_camera(parameters, bag, given or ())
     options, console = RunOptions(parameters, salvage=salvage), Console()
     tell_lost(bag, salvage, console)
     tell(leave(bag, folder, options, bag.resolve().name, console), str(bag), console)

@@ -17,6 +17,7 @@ from mild_ros.assembly.inference import load
 from mild_ros.assembly.perception import skeleton_source
 from mild_ros.assembly.pipeline import make_pipeline
 from mild_ros.assembly.retargeting import make_retargeting
+from mild_ros.bag_camera import with_camera
 from mild_ros.replay import Inputs, replay_in_process
 from mild_ros.report import used_limits
 from mild_ros.scenes import RATE_HZ, ROCKET_KNEELING, SCENES, arm_track
@@ -81,12 +82,12 @@ def test_before_the_approach_the_motion_is_the_learned_one(
 
 
 def test_a_person_on_one_knee_and_pepper_raise_their_fists_together(tmp_path: Path) -> None:
+    bag = ROOT / "bags" / ROCKET_KNEELING.name
     parameters = PipelineParameters(model="pepper_nuisi_next", robot="pepper", interaction="rocket")
+    parameters = with_camera(parameters, bag)
     model = load(parameters.model)
     whole, source = make_pipeline(parameters, model), skeleton_source(parameters)
-    replay_in_process(
-        ROOT / "bags" / ROCKET_KNEELING.name, whole, Inputs(source, PEPPER), tmp_path / "a", rate_hz=100.0
-    )
+    replay_in_process(bag, whole, Inputs(source, PEPPER), tmp_path / "a", rate_hz=100.0)
     run = read_run(tmp_path / "a", source)
     staged = stage(run, whole.perception, model.manifest, PEPPER)
     assert staged.interaction == "rocket"

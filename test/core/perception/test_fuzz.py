@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from mild_core.perception.stage import Perception
-from mild_core.signals import SkeletonFrame
+from mild_core.signals import PersonPose, SkeletonFrame
 from test.core.perception.scene import SECOND, SETTINGS, at_rate, seen
 from test.core.perception.test_stage import OUTCOMES
 
@@ -61,6 +61,20 @@ MESSAGES = st.lists(
 ).map(lambda parts: [people for part in parts for people in part])
 
 
+def _check_pose(pose: PersonPose | None) -> None:
+    if pose is None:
+        return
+    segments = pose.segments
+    for numbers in (segments.ends_m, segments.velocities_m_s, segments.radii_m):
+        assert np.isfinite(numbers).all()
+    assert (segments.radii_m > 0.0).all()
+    assert (segments.radii_m < 1.0).all()
+    assert (np.linalg.norm(segments.velocities_m_s, axis=-1) < 10.0).all()
+    assert len(set(zip(segments.people, segments.parts, strict=True))) == len(segments.parts)
+    assert np.isnan(pose.facing).all() or abs(np.linalg.norm(pose.facing) - 1.0) < 1e-9
+    assert pose.watched or np.isnan(pose.hand_m).all()
+
+
 @settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True)
 @given(
     messages=MESSAGES,
@@ -68,15 +82,20 @@ MESSAGES = st.lists(
     side=st.sampled_from(["left", "right"]),
     features=st.sampled_from(["positions", "positions_velocities"]),
     receipt=STAMPS,
+    measured=st.booleans(),
 )
 def test_anything_is_survived(
-    messages: list[tuple[SkeletonFrame, ...]], axes: str, side: str, features: str, receipt: int
+    messages: list[tuple[SkeletonFrame, ...]], axes: str, side: str, features: str, receipt: int, measured: bool
 ) -> None:
-    perception = Perception(replace(SETTINGS, axes=axes, side=side, features=features, source_axes="unknown"))
+    camera = np.eye(4) if measured else None
+    perception = Perception(
+        replace(SETTINGS, axes=axes, side=side, features=features, source_axes="unknown", robot_from_source=camera)
+    )
     state, made = perception.init(), 0
     for index, people in enumerate(messages):
         state, windows = perception.step(state, people, receipt + index * SECOND // 40)
         made += len(windows)
+        _check_pose(state.person)
         for window in windows:
             assert window.features.shape == (40, 9 if features == "positions" else 18)
             assert np.isfinite(window.features).all()
