@@ -16,8 +16,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from mild_core.errors import SetupError
 from mild_core.retargeting.guard import PACE, Guard, View
+from mild_core.retargeting.inverse_kinematics import VelocityProgram
 from mild_core.retargeting.limiter import Joints
 from mild_core.retargeting.obstacles import Obstacles
 from mild_core.retargeting.robot import RobotModel
@@ -43,12 +43,6 @@ LEAST_LEVER_M = 0.08
 AT_LIMIT_S = 0.25
 """A joint may move so fast that it would need this long to its limit."""
 
-SOFT = 8
-"""What DAQP calls a constraint that may be violated if it must."""
-
-SOLVED = (1, 2)
-"""What DAQP says of a program that it has solved, without and with violating soft constraints."""
-
 
 @dataclass(frozen=True, eq=False)
 class Yielding:
@@ -63,14 +57,7 @@ class Yielding:
     robot: RobotModel
     settings: RetargetingSettings
     guard: Guard
-    _solve: object = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        try:
-            import daqp  # type: ignore[import-not-found]
-        except ImportError as error:
-            raise SetupError("retargeting", f"a library is missing ({error})", "install daqp") from error
-        object.__setattr__(self, "_solve", daqp.solve)
+    _program: VelocityProgram = field(default_factory=VelocityProgram, init=False, repr=False)
 
     def retreat(self, position_rad: Joints, resting_rad: Joints, here: View, among: Obstacles) -> Joints | None:
         """J velocities [rad/s] with which the arm gives way; None when it need not.
@@ -94,19 +81,9 @@ class Yielding:
         margin = self.settings.position_margin_rad
         upper = np.clip((robot.upper_rad - margin - resting) / AT_LIMIT_S, 0.0, robot.velocity_rad_s)
         lower = np.clip((robot.lower_rad + margin - resting) / AT_LIMIT_S, -robot.velocity_rad_s, 0.0)
-        joints, count = len(resting), len(wanted)
-        sense = np.concatenate([np.zeros(joints, np.int32), np.full(count, SOFT, np.int32)])
-        velocity, _, found, _ = self._solve(  # type: ignore[operator]
-            np.eye(joints),
-            np.zeros(joints),
-            np.ascontiguousarray(rows),
-            np.concatenate([upper, np.full(count, 1e30)]),
-            np.concatenate([lower, wanted]),
-            sense,
-        )
-        if found not in SOLVED or not np.isfinite(velocity).all():
+        velocity = self._program.solve(rows, wanted, lower, upper)
+        if velocity is None:
             return None
-        velocity = np.clip(velocity, lower, upper)
         most = PACE * self.settings.near_speed_m_s
         share = min(1.0, most / max(self.guard.arm_speed(np.array(position_rad), velocity, among), 1e-9))
         return tuple((share * velocity).tolist())
