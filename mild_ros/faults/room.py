@@ -200,7 +200,7 @@ class Room(ABC):
         if self._fault is not None:
             told = self._fault.robot(measured, self._first, (self.now_ns() - self._begun_ns) * 1e-9)
         if told is not None:
-            self.heard_rad = told.positions_rad
+            self.heard_rad = told.positions_rad[: len(ROBOT.joint_names)]  # ours come first
             self._states.publish(joint_measurement_to_msg(told))
         return told is not None
 
