@@ -38,7 +38,7 @@ def states(messages: Iterable[People], settings: PerceptionSettings = MEASURED) 
     perception, now_ns = Perception(settings), 0
     state, found = perception.init(), []
     for people in messages:
-        now_ns = max((person.stamp_ns for person in people), default=now_ns + round(SECOND / RATE_HZ))
+        now_ns = min((person.stamp_ns for person in people), default=now_ns + round(SECOND / RATE_HZ))
         state, _ = perception.step(state, people, now_ns)
         found.append(state)
     return found
