@@ -330,6 +330,19 @@ def test_a_joint_thrown_away_by_the_tracker_stays_at_the_body() -> None:
         np.testing.assert_allclose(segments.ends_m, last(messages).segments.ends_m, atol=0.05, err_msg=joint)
 
 
+@pytest.mark.parametrize("joints", [HEAD_JOINTS, BODY_JOINTS], ids=["head", "whole body"])
+def test_a_doubted_joint_and_where_it_is_inferred_to_be_are_both_covered(joints: tuple[str, ...]) -> None:
+    messages = seen(STAMPS_S)
+    (frame,) = messages[-1]
+    aside, forward = frame, moved(frame, np.array([-0.36, 0.0, 0.0]), frame.person_id)
+    for joint in joints:
+        place = forward.positions_m[frame.joint_names.index(joint)]
+        aside = changed(aside, joint, position=place, confidence=0.2)
+    ends, radius, _ = part(last([*messages[:-1], (aside,)]).segments, WATCHED_PERSON, "head")
+    assert apart_m(in_robot(frame, "head"), ends) < radius
+    assert apart_m(in_robot(aside, "head"), ends) < radius
+
+
 def test_no_number_of_people_is_too_large_and_those_left_out_are_counted() -> None:
     crowd = []
     for (frame,) in seen(STAMPS_S[:5]):
