@@ -672,6 +672,8 @@ def observed(
                 low = shoulders - TRUNK_HEIGHT * size * axis
                 after[mark, _ANCHOR : _ANCHOR + 3] = low + side * HIP_WIDTH * size * left
             _infer(after, mark, joints[mark], elapsed_s, scale, swept)
+            if not (left_seen and right_seen):  # it hangs on shoulders that are not sure themselves
+                after[mark, _SPREAD] += (after[LEFT_SHOULDER, _SPREAD] + after[RIGHT_SHOULDER, _SPREAD]) / 2.0
     else:
         for mark in (HEAD, LEFT_SHOULDER, RIGHT_SHOULDER, LEFT_HIP, RIGHT_HIP):
             if joints[mark, 3] < 2.0:

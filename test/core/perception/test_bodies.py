@@ -38,7 +38,7 @@ def states(messages: Iterable[People], settings: PerceptionSettings = MEASURED) 
     perception, now_ns = Perception(settings), 0
     state, found = perception.init(), []
     for people in messages:
-        now_ns = max((person.stamp_ns for person in people), default=now_ns + round(SECOND / RATE_HZ))
+        now_ns = min((person.stamp_ns for person in people), default=now_ns + round(SECOND / RATE_HZ))
         state, _ = perception.step(state, people, now_ns)
         found.append(state)
     return found
@@ -330,6 +330,19 @@ def test_a_joint_thrown_away_by_the_tracker_stays_at_the_body() -> None:
         np.testing.assert_allclose(segments.ends_m, last(messages).segments.ends_m, atol=0.05, err_msg=joint)
 
 
+@pytest.mark.parametrize("joints", [HEAD_JOINTS, BODY_JOINTS], ids=["head", "whole body"])
+def test_a_doubted_joint_and_where_it_is_inferred_to_be_are_both_covered(joints: tuple[str, ...]) -> None:
+    messages = seen(STAMPS_S)
+    (frame,) = messages[-1]
+    aside, forward = frame, moved(frame, np.array([-0.36, 0.0, 0.0]), frame.person_id)
+    for joint in joints:
+        place = forward.positions_m[frame.joint_names.index(joint)]
+        aside = changed(aside, joint, position=place, confidence=0.2)
+    ends, radius, _ = part(last([*messages[:-1], (aside,)]).segments, WATCHED_PERSON, "head")
+    assert apart_m(in_robot(frame, "head"), ends) < radius
+    assert apart_m(in_robot(aside, "head"), ends) < radius
+
+
 def test_no_number_of_people_is_too_large_and_those_left_out_are_counted() -> None:
     crowd = []
     for (frame,) in seen(STAMPS_S[:5]):
@@ -339,8 +352,8 @@ def test_no_number_of_people_is_too_large_and_those_left_out_are_counted() -> No
     assert state.person is not None
     assert len(set(state.person.segments.people)) == MOST_BODIES
     assert state.counts["left_out"] == 5 * (41 - MOST_BODIES)
-    ends, _, _ = part(state.person.segments, WATCHED_PERSON, "head")
-    assert np.isfinite(ends).all()
+    farthest = max(np.linalg.norm(state.person.segments.ends_m[:, 0, :2] - [0.9, 0.1], axis=1))
+    assert farthest < 0.5 * MOST_BODIES + 1.5, "the nearest are followed"
 
 
 def test_one_whose_clock_is_wrong_stops_nobody() -> None:
@@ -352,6 +365,19 @@ def test_one_whose_clock_is_wrong_stops_nobody() -> None:
     for state in found:
         assert state.person is not None
         assert len(set(state.person.segments.people)) == 2
+
+
+def test_a_wrong_clock_among_bystanders_alone_renumbers_nobody() -> None:
+    messages: list[People] = []
+    for index, (frame,) in enumerate(seen(STAMPS_S)):
+        others = [moved(frame, np.array([0.8, side, 0.0]), 20 + place) for place, side in enumerate((-1.0, 0.9, 1.8))]
+        if index < 40:
+            messages.append((frame, *others))
+        else:
+            wrong = replace(others[index % 3], stamp_ns=frame.stamp_ns + 10**18)
+            messages.append(tuple(wrong if place == index % 3 else other for place, other in enumerate(others)))
+    numbers = {frozenset(state.person.segments.people) for state in states(messages) if state.person}
+    assert len(numbers) == 1
 
 
 def test_facing_turns_with_the_person_and_is_unknown_without_shoulders() -> None:
