@@ -153,6 +153,7 @@ def test_a_negative_clock_is_counted_and_ends_no_node(start: Callable[..., NodeP
     count = len(mover.commands)
     mover.until(lambda: len(mover.commands) > count + 20 and mover.moves, "the robot moves on")
     assert node.process.poll() is None
+    assert "messages unusable" not in mover.status()[2], "rclpy's own clock did not raise either"
 
 
 def test_a_hold_among_thousands_of_calls_acts_at_once_and_every_call_is_answered(
