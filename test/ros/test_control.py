@@ -288,5 +288,5 @@ def test_two_pipelines_that_start_together_do_not_both_send(
 def test_commands_wait_until_others_would_have_been_seen(start: Callable[..., NodeProcess], mover: Mover) -> None:
     started_s = time.monotonic()
     start("retargeting")
-    mover.until(lambda: mover.commands, "commands")
+    mover.until(lambda: mover.came_s, "commands")
     assert mover.came_s[0] - started_s >= DISCOVERY_S
