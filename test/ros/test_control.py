@@ -16,7 +16,6 @@ from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, PointCloud2
-from std_msgs.msg import String
 from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
 
@@ -26,7 +25,7 @@ from mild_ros.faults.judge import Command, problems
 from mild_ros.messages.joint_state import joint_measurement_to_msg
 from mild_ros.messages.motion import motion_state_to_msg, motion_to_msg
 from mild_ros.messages.stamps import ns_from_msg, time_to_msg
-from mild_ros.quality_of_service import LATCHED, SERVICE
+from mild_ros.quality_of_service import SERVICE
 from test.ros.processes import NodeProcess, Probe
 from test.ros.surroundings import ERROR, YUMI, Surroundings
 
@@ -287,9 +286,8 @@ def test_two_pipelines_that_start_together_do_not_both_send(
 
 
 def test_commands_wait_until_others_would_have_been_seen(start: Callable[..., NodeProcess], mover: Mover) -> None:
-    modes = mover.probe.listen(String, "mode", LATCHED)
     started_s = time.monotonic()
-    start("retargeting")
-    mover.until(lambda: mover.came_s and modes, "commands")
+    node = start("retargeting")
+    mover.until(lambda: mover.came_s, "commands")
     assert mover.came_s[0] - started_s >= DISCOVERY_S
-    assert modes[0].data == "disabled", "it sends nothing at first, however long it took to start"
+    assert "no other publisher of commands within" in node.output(), "however long it took to start"
