@@ -96,6 +96,21 @@ def repeated(times: int) -> TrackerFault:
     return fault
 
 
+class Frozen:
+    """The tracker hangs: what it saw when the fault began comes again and again under new stamps."""
+
+    def __init__(self) -> None:
+        self._seen: SkeletonFrame | None = None
+        self._since_s = 0.0
+
+    def __call__(self, frame: SkeletonFrame, since_s: float) -> tuple[People, ...]:
+        """The people that are seen."""
+        if self._seen is None or since_s < self._since_s:
+            self._seen = frame
+        self._since_s = since_s
+        return ((replace(self._seen, stamp_ns=frame.stamp_ns),),)
+
+
 def shifted(shift_s: float) -> TrackerFault:
     """The tracker's clock is wrong."""
 

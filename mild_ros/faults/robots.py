@@ -16,6 +16,9 @@ from mild_core.signals import JointMeasurement
 
 RobotFault = Callable[[JointMeasurement, JointMeasurement, float], JointMeasurement | None]
 
+VOICES_RAD, VOICES_HZ = 1.2, 50.0
+"""How far apart two publishers place the first joint, and how often they take turns."""
+
 BY_HAND_RAD, BY_HAND_S = 0.8, 0.3
 """How far somebody pushes the first joint, and how long that takes."""
 
@@ -33,6 +36,21 @@ def mute(_measured: JointMeasurement, _first: JointMeasurement, _: float) -> Joi
 def not_a_number(measured: JointMeasurement, _first: JointMeasurement, _: float) -> JointMeasurement | None:
     """All joints are NaN."""
     return replace(measured, positions_rad=np.full(len(measured.joint_names), np.nan))
+
+
+def gripper_not_a_number(measured: JointMeasurement, _first: JointMeasurement, _: float) -> JointMeasurement | None:
+    """A joint that is not ours is NaN, beside all of ours."""
+    names, positions = (*measured.joint_names, "gripper"), np.append(measured.positions_rad, np.nan)
+    return JointMeasurement(measured.stamp_ns, names, positions)
+
+
+def two_voices(measured: JointMeasurement, first: JointMeasurement, since_s: float) -> JointMeasurement | None:
+    """Every other message says that the first joint is elsewhere, as a second publisher would."""
+    if round(since_s * VOICES_HZ) % 2 == 0:
+        return measured
+    elsewhere = np.array(measured.positions_rad)
+    elsewhere[0] = first.positions_rad[0] - VOICES_RAD
+    return replace(measured, positions_rad=elsewhere)
 
 
 def by_hand(measured: JointMeasurement, first: JointMeasurement, since_s: float) -> JointMeasurement | None:

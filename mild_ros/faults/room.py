@@ -201,7 +201,7 @@ class Room(ABC):
         if self._fault is not None:
             told = self._fault.robot(measured, self._first, (self.now_ns() - self._begun_ns) * 1e-9)
         if told is not None:
-            self.heard_rad = told.positions_rad
+            self.heard_rad = told.positions_rad[: len(ROBOT.joint_names)]  # ours come first
             data = serialize_message(joint_measurement_to_msg(told))
             for _ in range(1 if self._fault is None else self._fault.copies):
                 self._states.publish(data)

@@ -83,6 +83,14 @@ def _passed_over(name: str, what: str, counted: str, tracker: people.TrackerFaul
 _ROWS = (
     Fault("tracker stops", "No message comes any more.", (STALE,), tracker=people.silent, live=True),
     _of_tracker("nobody there", "Messages come with nobody in them.", "nobody", people.nobody),
+    _of_tracker(
+        "tracker hangs",
+        "The same skeleton comes under new stamps.",
+        "frozen",
+        people.Frozen(),
+        within_s=2.0 * STATED_S,
+        lasts_s=2.5,
+    ),
     _passed_over("slow tracker", "Messages come at 5 Hz.", "perception missed", people.as_it_is, rate_hz=5.0),
     _of_tracker(
         "pauses",
@@ -132,8 +140,22 @@ _ROWS = (
     Fault(
         "robot NaN",
         "All joint_states are NaN.",
-        ("messages not_finite", "retargeting robot_silent"),
+        ("retargeting not_finite", "retargeting robot_silent"),
         robot=robots.not_a_number,
+    ),
+    Fault(
+        "gripper NaN",
+        "joint_states hold a gripper at NaN.",
+        ("retargeting measured",),
+        "goes on",
+        least=20,
+        robot=robots.gripper_not_a_number,
+    ),
+    Fault(
+        "two publishers",
+        "Another joint_states places the arm elsewhere.",
+        ("retargeting doubted", "retargeting joint_states_disagree"),
+        robot=robots.two_voices,
     ),
     Fault(
         "pushed",

@@ -88,7 +88,7 @@ _FOLLOWS = {
 }
 
 SWAY_M, SWAY_HZ = 0.0005, 0.25
-"""How far a standing person sways; less than an adult does, so that it disturbs nothing."""
+"""How far the shoulders of a standing person sway; less than an adult's, so that it disturbs nothing."""
 
 FIST = 0.3
 """How far beyond the middle of the hand a fist ends, as a share of how far an open hand does."""
@@ -203,9 +203,10 @@ def looking_at(camera_m: tuple[float, float, float], target_m: tuple[float, floa
 
 
 def swaying(body_m: FloatArray, times_s: FloatArray, reach_m: float = SWAY_M) -> FloatArray:
-    """The same people (T, J, 3) at times (T,), swaying: nobody alive stands still to the bit."""
+    """The same people (T, J, 3) at times (T,), swaying about their feet: nobody alive stands still to the bit."""
     way = reach_m * np.sin(2.0 * np.pi * SWAY_HZ * times_s)
-    moved: FloatArray = body_m + way[:, None, None] * np.array([0.6, 0.8, 0.1])
+    height = 1.0 + body_m[:, :, 2] / SHOULDER_HEIGHT_M  # 0 at the floor, so that hips and shoulders differ
+    moved: FloatArray = body_m + (way[:, None] * height)[..., None] * np.array([0.6, 0.8, 0.1])
     return moved
 
 

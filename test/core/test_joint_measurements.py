@@ -197,3 +197,15 @@ def test_contradicting_publishers_get_no_first_command() -> None:
         give(run, NAMES, pose)
     run.wait(0.5)
     assert run.commands == []
+
+
+def test_a_slow_joint_that_really_is_elsewhere_is_believed_after_a_while() -> None:
+    slow = JointMerger(NAMES, (0.2,) * 7)
+    tracks, outcomes = JointTracks(), []
+    for step in range(60):
+        pose = HOME if step == 0 else HOME + 2.0
+        tracks = slow.take(tracks, said(NAMES, pose), START_NS + step * 20 * MS)
+        outcomes.append(tracks.outcome)
+    believed = outcomes.index("measured", 1)
+    assert BELIEVE_AFTER_S <= (believed - 1) * 0.02 <= BELIEVE_AFTER_S + 0.05
+    assert set(outcomes[believed:]) == {"measured"}

@@ -123,3 +123,18 @@ def test_our_generated_people_live(scene: Scene) -> None:
     frames = skeleton_frames(bodies(arm_track(scene)), RATE_HZ, 0)
     messages = [(replace(frame, positions_m=frame.positions_m.astype(np.float32)),) for frame in frames]
     assert "frozen" not in run(messages)[0].counts
+
+
+def test_guessed_joints_that_move_do_not_make_a_frozen_body_live() -> None:
+    still, messages = seen([0.0])[0][0], []
+    guessed = [place for place, joint in enumerate(BODY_JOINTS) if joint.endswith(("knee", "ankle", "foot"))]
+    confidence = still.confidence.copy()
+    confidence[guessed] = 0.3
+    for number, time_s in enumerate(at_rate(RATE_HZ, 2.0)):
+        positions = still.positions_m.copy()
+        positions[guessed] += 0.001 * number
+        stamp_ns = round(time_s * SECOND)
+        messages.append((replace(still, stamp_ns=stamp_ns, positions_m=positions, confidence=confidence),))
+    state, _ = run(messages)
+    assert state.outcome == "frozen"
+    assert state.repetitions[still.person_id].body.lasts(SETTINGS.frozen_after_ns)
