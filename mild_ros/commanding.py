@@ -148,6 +148,9 @@ class Commanding:
                 self.go_on("contest")
         if "discovery" in self._reasons and time.monotonic() >= self._discovered_s:
             self.go_on("discovery")
+            if "contest" not in self._reasons:
+                seconds = time.monotonic() - self._node.started_s
+                self._node.get_logger().info(f"no other publisher of commands within {seconds:.1f} s: may command")
 
     def tell(self, state: RetargetingState) -> None:
         """Say what retargeting does and why."""

@@ -39,7 +39,7 @@ MOTION_PERIOD_S = 0.005
 STANDSTILL_S = 0.2
 """`/clock` that has not advanced for so long stands still; a slow simulation tells the time at 10 Hz."""
 
-SWITCH_S = 0.0005
+SWITCH_S = 0.0001
 """Python hands its lock to a thread that waits for it after this time, not after 5 ms."""
 
 ANSWER_S = 5.0

@@ -3,8 +3,8 @@
 
 A thread waits for messages, takes all that are there, keeps the newest few of each topic and hands those on in the
 order in which they came. Only those are deserialised. Memory stays bounded: what waits lies in DDS, which keeps the
-newest `depth` of a topic. When messages had to be dropped, the thread sleeps as long as it has worked, so a flood
-takes at most half of a core. In lock-step all of this is the executor's, one message after the other.
+newest `depth` of a topic. When messages had to be dropped, the thread sleeps twice as long as it has worked, so a flood
+takes about a third of a core. In lock-step all of this is the executor's, one message after the other.
 """
 
 from __future__ import annotations
@@ -32,6 +32,9 @@ JOINTS_KEPT = 16
 
 NOTICE_NS = 100_000_000
 """A thread that has nothing to do notices the end of the node within this time."""
+
+PAUSE_SHARE = 2.0
+"""After messages had to be dropped reception sleeps twice as long as it has worked: control needs the lock too."""
 
 LEAST_PAUSE_S, LONGEST_PAUSE_S = 0.001, 0.005
 """Bounds of the sleep after messages had to be dropped: a flood never adds more than this to the age of a message."""
@@ -115,7 +118,8 @@ class Reception:
                     dropped += self._take(entry)
             self._hand_on()
             if dropped:
-                pause_s = min(max(time.monotonic() - started_s, LEAST_PAUSE_S), LONGEST_PAUSE_S)
+                worked_s = time.monotonic() - started_s
+                pause_s = min(max(PAUSE_SHARE * worked_s, LEAST_PAUSE_S), LONGEST_PAUSE_S)
                 self._node.ending.wait(pause_s)
 
     def _take(self, entry: _Input) -> int:

@@ -161,7 +161,10 @@ def measure(
         listener = stack.enter_context(started("--listen", str(heard)))
         for topic in flooded:
             stack.enter_context(started("--flood", topic, str(room.start_ns), "--rate", str(rate_hz)))
-        room.until(lambda: False, 2.0)  # for them to start
+        wanted = {"command_gaps", *(f"flood_{topic}" for topic in flooded)}
+        if not room.until(lambda: wanted <= set(room._node.get_node_names()), 60.0):
+            raise SystemExit(f"of {', '.join(sorted(wanted))} some did not start")
+        room.until(lambda: False, 1.0)  # for discovery
         before, cpu = memory_mb(process.pid), cpu_s(process.pid)
         begun_ns = time.monotonic_ns()
         room.until(lambda: False, seconds)

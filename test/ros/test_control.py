@@ -20,6 +20,7 @@ from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
 
 from mild_core.signals import JointMeasurement, MotionWindow
+from mild_ros.commanding import DISCOVERY_S
 from mild_ros.faults.judge import Command, problems
 from mild_ros.messages.joint_state import joint_measurement_to_msg
 from mild_ros.messages.motion import motion_state_to_msg, motion_to_msg
@@ -153,6 +154,7 @@ def test_a_negative_clock_is_counted_and_ends_no_node(start: Callable[..., NodeP
     count = len(mover.commands)
     mover.until(lambda: len(mover.commands) > count + 20 and mover.moves, "the robot moves on")
     assert node.process.poll() is None
+    assert "messages unusable" not in mover.status()[2], "rclpy's own clock did not raise either"
 
 
 def test_a_hold_among_thousands_of_calls_acts_at_once_and_every_call_is_answered(
@@ -275,7 +277,17 @@ def test_two_pipelines_that_start_together_do_not_both_send(
     start: Callable[..., NodeProcess], probe: Probe, random_model: Path
 ) -> None:
     two = Two(probe, start, random_model)
+    started_s = time.monotonic()
     two.begin("first")
     two.begin("second")
     two.until(lambda: two.yields("first", "second") and two.yields("second", "first"), "both say why they are silent")
     assert two.overlap_s() <= 0.1
+    assert all(times[0] - started_s >= DISCOVERY_S for times in two.sent.values() if times), "discovery is awaited"
+
+
+def test_commands_wait_until_others_would_have_been_seen(start: Callable[..., NodeProcess], mover: Mover) -> None:
+    started_s = time.monotonic()
+    node = start("retargeting")
+    mover.until(lambda: mover.came_s, "commands")
+    assert mover.came_s[0] - started_s >= DISCOVERY_S
+    assert "no other publisher of commands within" in node.output(), "however long it took to start"
