@@ -183,14 +183,17 @@ def check_file(file: Path, named: Path) -> None:
         BagError: It is refused, in the same words whether the bag is salvaged or not.
     """
     real, root = os.path.realpath(file), os.path.realpath(named)
-    if os.path.commonpath([real, root]) != root:
-        raise BagError(str(file), f"is a link out of the bag, to {real}", f"if you trust it: cp -rL {named.name} COPY")
+    outside = os.path.commonpath([real, root]) != root
     try:
         found = os.stat(file)
     except OSError as error:
-        raise BagError(str(file), f"cannot be read ({error.strerror})", SALVAGE) from None
+        problem = f"is a link out of the bag, to {real}, and" if outside else ""
+        raise BagError(str(file), f"{problem} cannot be read ({error.strerror})", SALVAGE) from None
+    # First, so that no one is asked to copy a device.
     if kind := kind_of_file(found.st_mode):
         raise BagError(str(file), f"is {kind}, not a file", DISTRUST)
+    if outside:
+        raise BagError(str(file), f"is a link out of the bag, to {real}", f"if you trust it: cp -rL {named.name} COPY")
     on_disk = found.st_blocks * 512
     if found.st_size > SPARSE_BYTES and on_disk * SPARSE_RATIO < found.st_size and _is_mostly_hole(file):
         raise BagError(str(file), f"claims {shown(found.st_size)}, with {shown(on_disk)} on the disk", DISTRUST)

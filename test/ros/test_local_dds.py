@@ -16,6 +16,7 @@ from mild_ros.processes import PYTHON, Nodes
 from test.ros.two_machines import ADDRESSES, cannot_be_made, on_both
 
 HELLO = [*PYTHON, "-m", "mild_ros.hearing", "hello"]
+LISTENER = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
 PEER = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "ROS_STATIC_PEERS": ADDRESSES[0]}
 LOCALHOST = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
 NO_SHARED_MEMORY = ("unshare", "--mount", "--", "sh", "-c", 'mount -t tmpfs -o ro tmpfs /dev/shm; exec "$@"', "sh")
@@ -33,19 +34,24 @@ def profiled() -> dict[str, str]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("ours", "heard"),
+    ("ours", "peer", "heard"),
     [
-        (LOCALHOST, True),
-        (profiled(), False),
-        (profiled() | {"ROS_STATIC_PEERS": ADDRESSES[1]}, False),
+        (LOCALHOST, LISTENER, False),
+        (LOCALHOST, PEER, True),
+        (profiled(), LISTENER, False),
+        (profiled(), PEER, False),
+        (profiled() | {"ROS_STATIC_PEERS": ADDRESSES[1]}, PEER, False),
     ],
-    ids=["the range alone keeps nobody out", "the profile does", "even where our own side names the peer"],
+    ids=[
+        *("the range keeps out who only listens", "and no one who names this machine"),
+        *("the profile keeps out the one", "and the other", "even where our own side names it too"),
+    ],
 )
-def test_a_peer_that_names_this_machine(ours: dict[str, str], heard: bool, ros_domain: int) -> None:
+def test_another_machine(ours: dict[str, str], peer: dict[str, str], heard: bool, ros_domain: int) -> None:
     if reason := cannot_be_made():
         pytest.skip(f"no two machines: {reason}")
     seconds = 60 if heard else 6  # silence has to be waited for
-    said = on_both((words("first", seconds, ours), words("second", seconds, PEER)), multicast=True)
+    said = on_both((words("first", seconds, ours), words("second", seconds, peer)), multicast=True)
     assert [json.loads(line) for line in said] == ([["second"], ["first"]] if heard else [[], []])
 
 
