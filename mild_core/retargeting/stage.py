@@ -174,7 +174,7 @@ class Retargeting:
             state = replace(state, place_m=self.standing.place(state.plan.interaction, state.place_m, most_m))
         among = self._obstacles(state, now_ns)
         here = self._guard.here(motion, among)
-        state = self._with_people(replace(state, near_m=here.near_m), among, here)
+        state = self._with_people(replace(state, near_m=here.near_m), among, here, now_ns)
         state = with_ear(with_rest(state, self.settings, now_ns), self.settings, now_ns)
         state = with_start(state, self.settings, self._guard.chain.offsets[0][:3, 3], now_ns)
         state = self._in_next_mode(state, motion, now_ns)
@@ -215,14 +215,23 @@ class Retargeting:
         plan = state.plan if given.usable else None
         return replace(state, mode=mode, plan=plan, holding_since_ns=now_ns)
 
-    def _with_people(self, state: RetargetingState, among: Obstacles, here: View) -> RetargetingState:
+    def _no_contact(self, state: RetargetingState, now_ns: int) -> str:
+        """Why the watched hand is not touched, or should not be; "" when it may be, or when there is none."""
+        crowd = state.crowd
+        if crowd is None or not person_present(state, self.settings, now_ns):
+            return ""
+        unmeasured = crowd.frame_id == ARM_FRAME
+        if self._contact is None:
+            return UNMEASURED if unmeasured else ""
+        if unmeasured and not self.settings.allow_unmeasured_contact:
+            return f"no contact: {UNMEASURED}"
+        if not crowd.watched_parts >= NEEDED_PARTS:
+            return f"no contact: {UNKNOWN_BODY}"
+        return ASSUMED if unmeasured else ""
+
+    def _with_people(self, state: RetargetingState, among: Obstacles, here: View, now_ns: int) -> RetargetingState:
         """The state that knows what an operator should know of people: why no hands meet, and who is in the way."""
-        crowd, no_contact = state.crowd, ""
-        if crowd is not None and self._contact is not None and len(among.people):
-            if crowd.frame_id == ARM_FRAME:
-                no_contact = ASSUMED if self.settings.allow_unmeasured_contact else f"no contact: {UNMEASURED}"
-            if not self._may_touch(state) and not no_contact and crowd.watched_parts:
-                no_contact = f"no contact: {UNKNOWN_BODY}"
+        no_contact = self._no_contact(state, now_ns)
         crowded = False
         for place in range(len(among.people)):
             if among.is_bystander(place) and here.clear_m[0, place] < among.zones_m[place]:
