@@ -33,7 +33,7 @@ INTERPRETED = frozenset(
         "test/core/inference/test_networks.py",
         "test/core/inference/test_small_sums.py",
         "test/core/learning/test_corpus.py",
-        "test/core/perception/test_bodies.py",
+        "test/core/perception/test_bodies_in_view.py",
         "test/core/retargeting/test_geometry.py",
         "test/core/retargeting/test_guard_geometry.py",
         "test/core/retargeting/test_obstacles.py",

@@ -91,6 +91,25 @@ def test_first_frame_weighs_the_start_by_the_widened_observed_block(kind):
 
 
 @EVERY_PRIOR
+def test_covariances_are_widened_by_a_share_of_each_dimension_s_own_variance(kind):
+    """In other units the same demonstrations make the same prior, told in these units."""
+    latents, units = demonstrations(), np.array([1.0, 10.0, 0.1, 3.0, 1.0, 100.0])
+    settings = FitSettings(iterations=3, tolerance=-np.inf)
+    plain = PRIORS[kind].from_demonstrations(latents, 4, OBSERVED, settings).fit(latents, settings).prior
+    told = [z * units for z in latents]
+    other = PRIORS[kind].from_demonstrations(told, 4, OBSERVED, settings).fit(told, settings).prior
+    np.testing.assert_allclose(other.components.mean, plain.components.mean * units, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(
+        other.components.covariance, plain.components.covariance * np.outer(units, units), rtol=1e-5, atol=1e-9
+    )
+    narrow = PRIORS[kind].from_demonstrations(latents, 4, OBSERVED, FitSettings(covariance_fraction=0.0))
+    wide = PRIORS[kind].from_demonstrations(latents, 4, OBSERVED, FitSettings(covariance_fraction=0.5))
+    variance = np.concatenate(latents).var(axis=0)
+    grown = wide.components.covariance - narrow.components.covariance
+    np.testing.assert_allclose(grown, np.broadcast_to(0.5 * np.diag(variance), grown.shape), atol=1e-9)
+
+
+@EVERY_PRIOR
 def test_a_component_explains_a_frame_by_its_widened_observed_block(kind):
     prior = fitted(kind)
     frame, noise = demonstrations(5)[0][40, :OBSERVED], np.diag([0.05, 0.2, 0.4])

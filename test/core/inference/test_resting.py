@@ -104,6 +104,15 @@ def test_a_hand_that_trembles_waits_and_one_that_leaves_does_not():
     assert rests(None, np.zeros(3)) == 0.0  # nobody knows where the hand rests
 
 
+def test_frames_that_were_missed_are_time_too():
+    rest = watch(first_seen(np.zeros((1, 3))), np.zeros(3), 50)
+    assert (rest.frames, rest.still_frames) == (50, 50)
+    assert is_waiting(rest, 49)
+    assert not is_waiting(rest, 50)
+    back = watch(watch(rest, np.array([0.0, 0.0, 0.4]), 1), np.zeros(3), 1)
+    assert is_back(watch(back, np.zeros(3), 80), 80)
+
+
 def test_a_hand_that_moves_in_the_first_window_does_not_wait():
     rising = np.linspace(0.0, 0.2, 40)[:, None] * np.array([0.0, 0.0, 1.0])
     assert first_seen(rising).moved

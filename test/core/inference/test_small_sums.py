@@ -6,10 +6,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mild_core.inference.manifest import NetworkSpec
 from mild_core.inference.member import Generated, combined
 from mild_core.inference.mixing import DIAGONAL_FLOOR, add_spread, gate_weights, nearest, posterior, tell_apart
+from mild_core.inference.model import build_model
+from mild_core.inference.networks import LayerSpec
 from mild_core.inference.reservoir import SETTLED_S, Reservoir
 from mild_core.inference.start_pose import StartPose
+from test.core.inference.random_model import manifest, paper_member, random_arrays
 
 RATE_HZ = 40.0
 
@@ -62,6 +66,19 @@ def test_spread_is_the_moments_of_the_mixture_through_each_component_s_jacobian(
         moment = covariances[j] + np.outer(apart, apart)
         wanted += weights[j] * np.mean([rows @ moment @ rows.T for rows in jacobians[j]], axis=0)
     np.testing.assert_allclose(found, wanted, atol=1e-12)
+
+
+def test_operators_are_the_mean_over_the_window_of_what_the_decoder_makes_of_a_latent():
+    member = paper_member(hidden=(20, 12))
+    linear = (LayerSpec("dense", "only", 5, 280),)
+    member["decoder"] = NetworkSpec(("controlled",), linear)
+    of = manifest((member,), components=3)
+    arrays = random_arrays(of)
+    jacobian = arrays["member_0.decoder.only.weight"].T.reshape(40, 7, 5)
+    wanted = np.mean([np.einsum("ac,bd->abcd", rows, rows) for rows in jacobian], axis=0).reshape(49, 25)
+    operators = build_model(of, arrays).members[0].operators
+    assert operators.shape == (4, 3, 49, 25)
+    np.testing.assert_allclose(operators, np.broadcast_to(wanted, operators.shape), atol=1e-4)
 
 
 def test_nearest_centre_is_judged_by_its_own_radius():

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -16,7 +16,8 @@ from mild_core.inference.model import build_model
 from mild_core.inference.motion_model import MildModel
 from mild_core.inference.priors.chain import run_filter
 from mild_core.inference.stage import Inference
-from mild_core.signals import FeatureWindow
+from mild_core.inference.start_pose import StartPose
+from mild_core.signals import FeatureWindow, JointMeasurement
 from test.core.inference.random_model import (
     INTERACTIONS,
     dense,
@@ -302,6 +303,32 @@ def test_motion_that_underflows_everywhere_is_told_and_says_nothing_of_the_inter
         np.testing.assert_array_equal(after.recognition.evidence, state.recognition.evidence)
 
 
+def test_what_underflows_is_unknown_however_wide_the_known_latents_lie():
+    of = manifest((paper_member(hidden=(20, 12)),), components=4)
+    arrays = random_arrays(of) | {"member_0.latent_radius": np.full(4, 1e12)}
+    arrays["member_0.encoder.hidden_2.weight"][:, 5:] = 0.0
+    arrays["member_0.encoder.hidden_2.bias"][5:] = 0.1
+    stage = Inference(build_model(of, arrays), "rocket")
+    state, (known,) = run(stage, windows(1))
+    far = FeatureWindow(state.stamp_ns + PERIOD_NS, "arm", JOINTS, np.full((40, 9), 1e4))
+    _, (motion,) = stage.step(state, far, 0)
+    assert known.out_of_distribution < 1e-6
+    assert motion.out_of_distribution == 2.0
+
+
+def test_a_jump_in_time_forgets_the_person_and_not_where_the_robot_stood(paper_model):
+    gains, one = (np.zeros((4, 7, 7)) for _ in range(2)), np.array([1.0])
+    model = replace(paper_model, start_pose=StartPose(np.zeros((4, 7)), one, *gains, one, one))
+    stage, names = Inference(model, "rocket"), model.manifest.controlled.joint_names
+    measured = JointMeasurement(10**9 - PERIOD_NS, names, np.linspace(0.1, 0.7, 7))
+    state, _ = stage.step(stage.init(), measured, 0)
+    state, _ = run(stage, windows(5), state)
+    for jump_ns in (100 * PERIOD_NS, -(10**8)):
+        after, _ = run(stage, windows(1, first_ns=state.stamp_ns + jump_ns), state)
+        np.testing.assert_array_equal(after.start, measured.positions_rad)
+        assert after.counts["accepted"] == 6
+
+
 def test_motion_far_from_all_centres_is_told(full_model):
     stage = Inference(full_model, "rocket")
     state, _ = run(stage, windows(5))
@@ -330,6 +357,12 @@ def test_evidence_names_the_interaction_whose_motion_it_is():
     assert answers[-1].probability > 0.9
     assert first.recognition.probabilities.sum() == pytest.approx(1.0, abs=1e-12)
     assert first.recognition.likeliest == 2
+    # Far from all that the model knows it is the likeliest one all the same, and is not named.
+    strange = Inference(build_model(of, arrays | {"member_0.latent_radius": np.full(4, 1e-6)}))
+    _, unknown = run(strange, stream)
+    assert unknown[-1].probability == answers[-1].probability
+    assert unknown[-1].out_of_distribution > 1.0
+    assert unknown[-1].interaction == ""
 
 
 def test_a_recogniser_speaks_for_the_priors_when_nobody_says_which_interaction_it_is(full_model):
