@@ -166,6 +166,11 @@ class Commanding:
             if reason in self._reasons and reason != "operator":
                 level = DiagnosticStatus.WARN if reason == "discovery" else DiagnosticStatus.ERROR
                 alarms[reason] = (level, text or self._contest())
+        alarms.pop("people", None)
+        notices = state.notices(self._node.get_clock().now().nanoseconds)
+        if notices:
+            alarms["people"] = (DiagnosticStatus.WARN, "; ".join(notices))
+            self._diagnostics.complain("; ".join(notices))
         self._diagnostics.facts["mode"] = state.mode.value
         self._diagnostics.summary = state.mode.value
 

@@ -147,16 +147,75 @@ class RetargetingParameters(ControllerParameters):
     )
     keep_out_m: float = parameter(
         RetargetingSettings.keep_out_m,
-        "Distance kept from the person's head and trunk.",
+        "Distance kept from everyone in view, but for the hand and forearm that are offered to be touched.",
         unit="m",
         minimum=0.0,
         maximum=1.0,
     )
     near_speed_m_s: float = parameter(
         RetargetingSettings.near_speed_m_s,
-        "Largest speed of the robot's hand within 0.3 m of the person's hand, head and trunk.",
+        "Largest speed of any part of the arm while it is within 0.3 m of anyone; towards them less their approach.",
         unit="m/s",
         minimum=0.05,
+        maximum=2.0,
+    )
+    allow_unmeasured_contact: bool = parameter(
+        RetargetingSettings.allow_unmeasured_contact,
+        "Let hands touch also where people are only assumed to stand, as `robot_from_camera` is empty.",
+    )
+    placement_uncertainty_m: float = parameter(
+        RetargetingSettings.placement_uncertainty_m,
+        "How far people may be from where they are assumed to stand: added to the distances without a measured camera.",
+        unit="m",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    start_facing_deg: float = parameter(
+        RetargetingSettings.start_facing_deg,
+        "The first motion needs a person who faces the robot within this angle, if their place is measured.",
+        unit="deg",
+        minimum=5.0,
+        maximum=180.0,
+    )
+    start_hand_m: float = parameter(
+        RetargetingSettings.start_hand_m,
+        "It needs a hand within this distance of the robot's shoulder, if its place is measured.",
+        unit="m",
+        minimum=0.1,
+        maximum=10.0,
+    )
+    start_trunk_m: float = parameter(
+        RetargetingSettings.start_trunk_m,
+        "It needs a trunk within this distance of the robot's shoulder, if its place is measured.",
+        unit="m",
+        minimum=0.1,
+        maximum=10.0,
+    )
+    start_watch_s: float = parameter(
+        RetargetingSettings.start_watch_s,
+        "It needs a hand raised for so long that went neither to the person's own head nor aside.",
+        unit="s",
+        minimum=0.0,
+        maximum=2.0,
+    )
+    start_reach_m: float = parameter(
+        RetargetingSettings.start_reach_m,
+        "A hand that did either must be held out this far before it counts again.",
+        unit="m",
+        minimum=0.05,
+        maximum=1.0,
+    )
+    start_evidence: float = parameter(
+        RetargetingSettings.start_evidence,
+        "It needs this probability of a recognised interaction, as a mean over `start_evidence_s`.",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    start_evidence_s: float = parameter(
+        RetargetingSettings.start_evidence_s,
+        "Time over which that probability is averaged.",
+        unit="s",
+        minimum=0.0,
         maximum=2.0,
     )
     interaction_s: float = parameter(

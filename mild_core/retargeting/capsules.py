@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import product
 
 import numpy as np
 
@@ -46,12 +47,14 @@ class Capsules:
         mounted: (N,) the frame of the chain that each moves with; 0 for the base.
         ends_m: (N, 2, 3) the ends of each axis in that frame.
         sizes_m: (N, 2) radius and half the length of each axis.
+        outer_m: (N,) radii with which they hold the corners of the shapes too: for distances to people.
         pairs: (P, 2) those that may come into collision with each other.
     """
 
     mounted: FloatArray
     ends_m: FloatArray
     sizes_m: FloatArray
+    outer_m: FloatArray
     pairs: FloatArray
 
     @property
@@ -72,22 +75,26 @@ def capsules_of(robot: RobotModel) -> Capsules:
         SetupError: The description is broken.
     """
     tree, chain = read_tree(robot.urdf_path), chain_of(robot)
-    mounted, ends, sizes = [], [], []
+    mounted, ends, sizes, outer = [], [], [], []
     for solid in read_solids(robot.urdf_path):
         mount = mount_of(robot, tree, solid.link)
         pose = mount.pose @ solid.origin
-        for start, end, radius in _filled(solid):
+        filled = _filled(solid)
+        beyond_m = _beyond(solid, filled)
+        for start, end, radius in filled:
             mounted.append(mount.frame)
             ends.append([pose[:3, :3] @ start + pose[:3, 3], pose[:3, :3] @ end + pose[:3, 3]])
             sizes.append((radius, float(np.linalg.norm(end - start)) / 2.0))
+            outer.append(radius + beyond_m)
     tips = [*chain.offsets[1:, :3, 3], chain.tool_m]
     for frame, tip in enumerate(tips, start=1):
         if frame not in mounted:
             mounted.append(frame)
             ends.append([np.zeros(3), tip])
             sizes.append((BARE_RADIUS_M, float(np.linalg.norm(tip)) / 2.0))
+            outer.append(BARE_RADIUS_M)
     made = (read_only(np.array(mounted, dtype=np.float64)), read_only(np.array(ends)), read_only(np.array(sizes)))
-    return Capsules(*made, read_only(_pairs(robot, chain, *made)))
+    return Capsules(*made, read_only(np.array(outer)), read_only(_pairs(robot, chain, *made)))
 
 
 def _filled(solid: Solid) -> list[tuple[FloatArray, FloatArray, float]]:
@@ -106,6 +113,22 @@ def _filled(solid: Solid) -> list[tuple[FloatArray, FloatArray, float]]:
     rows = max(1, math.ceil(ROW_DENSITY * solid.size_m[middle] / solid.size_m[short]))
     places = [0.0] if rows == 1 else np.linspace(-1.0, 1.0, rows).tolist()
     return [(place * across - along, place * across + along, radius) for place in places]
+
+
+def _beyond(solid: Solid, filled: list[tuple[FloatArray, FloatArray, float]]) -> float:
+    """How far a solid's corners stick out of its capsules [m]."""
+    if solid.kind == "sphere":
+        return 0.0
+    if solid.kind == "cylinder":
+        corners = np.array([[solid.size_m[0], 0.0, solid.size_m[1] / 2.0]])
+    else:
+        corners = np.array(list(product((-0.5, 0.5), repeat=3))) * solid.size_m
+    outside = []
+    for start, end, radius in filled:
+        along = end - start
+        shares = np.clip((corners - start) @ along / max(float(along @ along), 1e-12), 0.0, 1.0)
+        outside.append(np.linalg.norm(corners - start - shares[:, None] * along, axis=1) - radius)
+    return max(0.0, float(np.min(outside, axis=0).max()))
 
 
 def _pairs(robot: RobotModel, chain: Chain, mounted: FloatArray, ends_m: FloatArray, sizes_m: FloatArray) -> FloatArray:

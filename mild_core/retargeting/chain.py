@@ -157,9 +157,10 @@ def tool_jacobian(
 
 
 @compiled
-def segments_apart(a0: FloatArray, a1: FloatArray, b0: FloatArray, b1: FloatArray) -> float:
-    """Distance [m] between two straight segments; either may be a point.
+def nearest_points(a0: FloatArray, a1: FloatArray, b0: FloatArray, b1: FloatArray) -> tuple[float, float, float]:
+    """Distance [m] between two straight segments, either of which may be a point, and where on each it is least.
 
+    The places are shares of the way from the first to the second end.
     Source: C. Ericson, "Real-Time Collision Detection", 2005, section 5.1.9.
     """
     ux, uy, uz = a1[0] - a0[0], a1[1] - a0[1], a1[2] - a0[2]
@@ -184,7 +185,7 @@ def segments_apart(a0: FloatArray, a1: FloatArray, b0: FloatArray, b1: FloatArra
             elif t > 1.0:
                 t, s = 1.0, min(max((b - c) / a, 0.0), 1.0)
     x, y, z = wx + ux * s - vx * t, wy + uy * s - vy * t, wz + uz * s - vz * t
-    return float(np.sqrt(x * x + y * y + z * z))
+    return np.sqrt(x * x + y * y + z * z), s, t
 
 
 @compiled
@@ -226,5 +227,5 @@ def least_clearance(
         radii = a_sizes[i, 0] + b_sizes[j, 0]
         reach = radii + a_sizes[i, 1] + b_sizes[j, 1] + least
         if reach > 0.0 and x * x + y * y + z * z < reach * reach:
-            least = min(least, segments_apart(a[i, 0], a[i, 1], b[j, 0], b[j, 1]) - radii)
+            least = min(least, nearest_points(a[i, 0], a[i, 1], b[j, 0], b[j, 1])[0] - radii)
     return least

@@ -125,6 +125,53 @@ class InverseKinematics:
         return hessian, pull * (at - posture) - left_m @ jacobian
 
 
+SOFT = 8
+"""What DAQP calls a constraint that may be violated if it must."""
+
+SOLVED_SOFTLY = 2
+"""What DAQP says of a program that it has solved by violating such constraints."""
+
+
+class VelocityProgram:
+    """The smallest velocities of joints with which some places move as they must.
+
+    Raises:
+        SetupError: A library is not installed.
+    """
+
+    def __init__(self) -> None:
+        try:
+            import daqp
+        except ImportError as error:
+            raise SetupError("retargeting", f"a library is missing ({error})", "install daqp") from error
+        self._solve = daqp.solve
+
+    def solve(
+        self, rows: FloatArray, least: FloatArray, lower_rad_s: FloatArray, upper_rad_s: FloatArray
+    ) -> FloatArray | None:
+        """(J,) velocities [rad/s] between the bounds; None if there is no solution.
+
+        Args:
+            rows: (R, J) how fast each place moves when a joint turns at 1 rad/s [m].
+            least: (R,) how fast each has to move at least [m/s]; as nearly so as the bounds let it.
+            lower_rad_s: (J,) least velocities ...
+            upper_rad_s: (J,) ... and greatest.
+        """
+        joints, count = len(lower_rad_s), len(least)
+        velocity, _, found, _ = self._solve(
+            np.eye(joints),
+            np.zeros(joints),
+            np.ascontiguousarray(rows),
+            np.concatenate([upper_rad_s, np.full(count, 1e30)]),
+            np.concatenate([lower_rad_s, least]),
+            np.concatenate([np.zeros(joints, np.int32), np.full(count, SOFT, np.int32)]),
+        )
+        if found not in (SOLVED, SOLVED_SOFTLY) or not np.isfinite(velocity).all():
+            return None
+        solved: FloatArray = np.minimum(np.maximum(velocity, lower_rad_s), upper_rad_s)
+        return solved
+
+
 def _reduced(pinocchio: Any, robot: RobotModel) -> tuple[list[int], Any]:
     """Where each controlled joint is in Pinocchio's order, and its model of the robot with all others at rest.
 

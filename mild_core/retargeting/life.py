@@ -7,13 +7,32 @@ from dataclasses import replace
 
 from mild_core.retargeting.modes import Mode, Situation
 from mild_core.retargeting.settings import RetargetingSettings
+from mild_core.retargeting.start_gate import start_refusal, way_of
 from mild_core.retargeting.state import RetargetingState
 from mild_core.retargeting.watchdog import fresh, known
+from mild_core.shapes import FloatArray
 
 
 def person_present(state: RetargetingState, settings: RetargetingSettings, now_ns: int) -> bool:
     """Whether a calibrated person was seen lately."""
     return state.sight is not None and (now_ns - state.sight.received_ns) * 1e-9 <= settings.stale_after_s
+
+
+def with_start(
+    state: RetargetingState, settings: RetargetingSettings, shoulder_m: FloatArray, now_ns: int
+) -> RetargetingState:
+    """The state that knows whether the hand is raised for the robot; while it follows, that was decided before."""
+    refusal, doubt, sight = "", "", state.sight
+    if sight is not None and sight.raised and state.mode is not Mode.FOLLOWING:
+        way = way_of(sight, state.crowd)
+        # A hand that went where no greeting goes is one that comes back from there, until it reaches for the robot.
+        doubt = "" if way.reaches(settings.start_reach_m) else way.doubt or state.doubt
+        if person_present(state, settings, now_ns):
+            refusal = start_refusal(sight, state.crowd, state.evidence, settings, shoulder_m, now_ns) or doubt
+    if (refusal, doubt) == (state.start_refusal, state.doubt):
+        return state
+    before, state = state.start_refusal, replace(state, start_refusal=refusal, doubt=doubt)
+    return state.counted(refusal) if refusal not in ("", before) else state
 
 
 def situation(
@@ -36,13 +55,14 @@ def situation(
     return Situation(
         usable=known(state, settings, now_ns) and fresh(state, settings, now_ns),
         present=present,
-        raised=alone or (present and state.sight is not None and state.sight.raised),
+        raised=alone or (present and state.sight is not None and state.sight.raised and not state.start_refusal),
         held=state.held,
         displaced=state.displaced,
         silent=state.silent or state.joints.disagree(now_ns),
         at_home=at_home,
         patience_over=resting and held_s >= settings.home_after_s,
         too_long=state.mode is Mode.RETURNING and since_s > settings.home_timeout_s,
+        gave_way=state.gave_way,
     )
 
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
 from ruckig import (  # type: ignore[import-not-found]
     ControlInterface,
     InputParameter,
@@ -32,9 +33,6 @@ Joints = tuple[float, ...]
 
 ROUNDING = 1e-9
 """Below this an angle [rad], a speed or an acceleration is what rounding left over: no encoder sees it."""
-
-STOP_SHARES = (0.12, 0.25, 0.5, 1.0)
-"""Where a stop is looked at: it is fastest in its first half, and furthest at its end."""
 
 
 class NoPlanError(MildError):
@@ -98,15 +96,15 @@ class Limiter:
         joints = len(velocity_rad_s)
         self._planner = Ruckig(joints)
         self._plan = Trajectory(joints)
-        self._reach, self._stop = InputParameter(joints), InputParameter(joints)
-        for problem in (self._reach, self._stop):
+        self._reach, self._stop, self._cruise = (InputParameter(joints) for _ in range(3))
+        for problem in (self._reach, self._stop, self._cruise):
             problem.max_velocity = velocity_rad_s.tolist()
             problem.max_acceleration = acceleration_rad_s2.tolist()
             problem.max_jerk = jerk_rad_s3.tolist()
             problem.target_velocity = problem.target_acceleration = [0.0] * joints
             # A slow joint must not delay a quick one, and a stretched plan might swing out on its far side.
             problem.synchronization = Synchronization.No
-        self._stop.control_interface = ControlInterface.Velocity
+        self._stop.control_interface = self._cruise.control_interface = ControlInterface.Velocity
 
     def toward(self, motion: JointMotion, target_rad: Joints, dt_s: float) -> JointMotion:
         """`motion` after `dt_s` on the fastest way to rest in `target_rad`.
@@ -131,17 +129,52 @@ class Limiter:
             return JointMotion.at_rest(motion.position_rad)
         return self._sampled(self._stop, motion, dt_s)
 
-    def stop_path(self, motion: JointMotion) -> tuple[JointMotion, ...]:
-        """`motion`, and what follows on the fastest way to rest: at `STOP_SHARES` of its time.
+    def stop_duration_s(self, motion: JointMotion) -> float:
+        """How long `motion` takes to come to rest.
 
         Raises:
             NoPlanError: There is no plan; finite input inside the limits always has one.
         """
         if motion.resting:
-            return (motion,)
+            return 0.0
         self._planned(self._stop, motion)
-        times_s = [share * self._plan.duration for share in STOP_SHARES]
-        return (motion, *(JointMotion(*map(tuple, self._plan.at_time(time_s))) for time_s in times_s))
+        return float(self._plan.duration)
+
+    def path(
+        self, now: JointMotion, then: JointMotion, elapsed_s: float, times_s: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """(K, J) positions [rad] and (K, J) velocities [rad/s] of a step and the stop after it.
+
+        Args:
+            now: Where it begins.
+            then: Where it is after `elapsed_s`, when the stop begins.
+            elapsed_s: See there.
+            times_s: (K,) times after `now`, in order. Inside the step the cubic between its ends is taken.
+
+        Raises:
+            NoPlanError: There is no plan; finite input inside the limits always has one.
+        """
+        self._planned(self._stop, then)
+        positions, velocities = [], []
+        for time_s in times_s.tolist():
+            if time_s >= elapsed_s:
+                position, velocity, _ = self._plan.at_time(time_s - elapsed_s)
+            elif time_s == 0.0:
+                position, velocity = now.position_rad, now.velocity_rad_s
+            else:
+                position, velocity = _between(now, then, elapsed_s, time_s / elapsed_s)
+            positions.append(position)
+            velocities.append(velocity)
+        return np.array(positions), np.array(velocities)
+
+    def at_velocity(self, motion: JointMotion, velocity_rad_s: Joints, dt_s: float) -> JointMotion:
+        """`motion` after `dt_s` on the fastest way to these velocities.
+
+        Raises:
+            NoPlanError: There is no plan; finite input inside the limits always has one.
+        """
+        self._cruise.target_velocity = velocity_rad_s
+        return self._sampled(self._cruise, motion, dt_s)
 
     def stopping(self, motion: JointMotion, period_s: float) -> tuple[JointMotion, ...]:
         """What follows `motion` on the fastest way to rest: each `period_s`, the last at rest; none if it rests.
@@ -190,3 +223,12 @@ class Limiter:
             raise NoPlanError(str(error).strip()) from error
         if result not in (Result.Working, Result.Finished):
             raise NoPlanError(f"{result}")
+
+
+def _between(now: JointMotion, then: JointMotion, elapsed_s: float, share: float) -> tuple[FloatArray, FloatArray]:
+    """Position and velocity inside a step. Source: cubic Hermite interpolation."""
+    start, end = np.array(now.position_rad), np.array(then.position_rad)
+    leaving, coming = (np.array(motion.velocity_rad_s) * elapsed_s for motion in (now, then))
+    third, second = 2.0 * (start - end) + leaving + coming, 3.0 * (end - start) - 2.0 * leaving - coming
+    position = start + share * (leaving + share * (second + share * third))
+    return position, (leaving + share * (2.0 * second + 3.0 * share * third)) / elapsed_s

@@ -39,13 +39,14 @@ class Situation:
     Attributes:
         usable: There is a motion, it is fresh and the model knows what it is about.
         present: A calibrated person is seen.
-        raised: Their hand has left its rest, or nobody tells where hands are.
+        raised: Their hand has left its rest for the robot, or nobody tells where hands are.
         held: The operator holds the robot.
         displaced: The robot is not where it was told to be.
         silent: The robot has ceased to say where it is, or says two things.
         at_home: The robot rests at home.
         patience_over: The robot has held at rest for as long as it should before it goes home.
         too_long: It has been on its way home for longer than it should.
+        gave_way: It has left home to give way to somebody.
     """
 
     usable: bool
@@ -57,6 +58,7 @@ class Situation:
     at_home: bool
     patience_over: bool
     too_long: bool
+    gave_way: bool = False
 
 
 def next_mode(mode: Mode, given: Situation) -> Mode:
@@ -76,4 +78,4 @@ def next_mode(mode: Mode, given: Situation) -> Mode:
     if given.at_home or mode is Mode.RETURNING:
         rest = Mode.READY if given.present else Mode.IDLE
         return rest if given.at_home else Mode.HOLDING if given.too_long else mode
-    return Mode.RETURNING if given.present else Mode.IDLE
+    return Mode.RETURNING if given.present or given.gave_way else Mode.IDLE

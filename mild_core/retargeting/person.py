@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The person as retargeting remembers them: where the hand goes, whether it is raised, where head and trunk are."""
+"""The watched person as retargeting remembers them: where they stand, where the hand goes, whether it is raised."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from mild_core.errors import DataError
-from mild_core.shapes import FloatArray, read_only
+from mild_core.shapes import FloatArray
 from mild_core.signals import ARM_FRAME, ROBOT_FRAME, PersonPose
 
 POSITION_GAIN = 0.75
@@ -35,6 +35,9 @@ SHIFT_M_S = 0.3
 
 RAISED_M, BACK_M, STILL_M = 0.08, 0.15, 0.05
 """The hand is raised this far from its rest, and back when this near to it; less than the last it has not moved."""
+
+BACK_SHARE = 0.5
+"""It is back only after this much of the way: a hand that is raised slowly has not come back."""
 
 BACK_AFTER_S = 0.5
 """How long a hand has to stay near its rest to be back."""
@@ -89,9 +92,9 @@ class Sight:
         hand_ns: Stamp of the newest pose with a hand.
         hand_m: (3,) the hand then.
         velocity_m_s: (3,) its velocity.
-        body_m: (3, 3) head, middle of the shoulders and of the hips as last seen; NaN when never.
         rest_m: (3,) where the hand rests.
-        raised: Whether it has left that place.
+        raised: Whether it has left that place ...
+        raised_ns: ... and since when.
         farthest_m: How far from there it has come since it was raised.
         still_m: (3,) where it last was still ...
         still_ns: ... and since when it has been near that place.
@@ -102,9 +105,9 @@ class Sight:
     hand_ns: int
     hand_m: FloatArray
     velocity_m_s: FloatArray
-    body_m: FloatArray
     rest_m: FloatArray
     raised: bool
+    raised_ns: int
     farthest_m: float
     still_m: FloatArray
     still_ns: int
@@ -130,10 +133,8 @@ class Sight:
 
     def after(self, pose: PersonPose, received_ns: int) -> Sight:
         """With one more pose of the same person; what it hides stays where it was."""
-        told = np.stack([pose.head_m, *pose.trunk_m])
-        body = np.where(np.isfinite(told), told, self.body_m)
         if not np.isfinite(pose.hand_m).all():
-            return replace(self, received_ns=received_ns, body_m=body)
+            return replace(self, received_ns=received_ns)
         elapsed_s = (pose.stamp_ns - self.hand_ns) * 1e-9
         if elapsed_s > LOST_S:
             hand, velocity = pose.hand_m, np.zeros(3)
@@ -149,7 +150,6 @@ class Sight:
             hand_ns=pose.stamp_ns,
             hand_m=hand,
             velocity_m_s=velocity,
-            body_m=body,
             still_m=hand if moved else self.still_m,
             still_ns=pose.stamp_ns if moved else self.still_ns,
         )
@@ -159,8 +159,10 @@ class Sight:
         """Whether the hand is raised now."""
         away_m = math.dist(self.hand_m, self.rest_m)
         if not self.raised:
-            return replace(self, raised=True, farthest_m=away_m) if away_m > RAISED_M else self
-        if away_m < BACK_M and self.still_s() >= BACK_AFTER_S:
+            if away_m <= RAISED_M:
+                return self
+            return replace(self, raised=True, raised_ns=self.received_ns, farthest_m=away_m)
+        if away_m < min(BACK_M, BACK_SHARE * self.farthest_m) and self.still_s() >= BACK_AFTER_S:
             return self.at_rest_here()
         return replace(self, farthest_m=away_m) if away_m > self.farthest_m else self
 
@@ -169,13 +171,17 @@ def first_sight(pose: PersonPose, received_ns: int) -> Sight | None:
     """What is known after the first pose with a hand, which is taken to rest; None when it shows none."""
     if not np.isfinite(pose.hand_m).all():
         return None
-    body = read_only(np.stack([pose.head_m, *pose.trunk_m]))
     hand, still, stamp_ns = pose.hand_m, np.zeros(3), pose.stamp_ns
-    return Sight(pose.frame_id, received_ns, stamp_ns, hand, still, body, hand, False, 0.0, hand, stamp_ns)
+    return Sight(pose.frame_id, received_ns, stamp_ns, hand, still, hand, False, 0, 0.0, hand, stamp_ns)
 
 
 def seen_again(sight: Sight | None, pose: PersonPose, received_ns: int) -> Sight | None:
-    """What is known after one more pose, of the same person or, in another frame or at another time, a new one."""
+    """What is known after one more pose, of the same person or, in another frame or at another time, a new one.
+
+    A pose without a watched person tells nothing of them: they may be back in the next.
+    """
+    if not pose.watched:
+        return sight
     if sight is None or pose.frame_id != sight.frame_id or not 0 < pose.stamp_ns - sight.hand_ns < GONE_S * 1e9:
         return first_sight(pose, received_ns)
     return sight.after(pose, received_ns)
@@ -189,5 +195,10 @@ def check_pose(pose: PersonPose) -> None:
     """
     if pose.frame_id not in (ARM_FRAME, ROBOT_FRAME):
         raise DataError("unknown_frame", f"a person in '{pose.frame_id}'")
-    if any(np.isinf(part).any() for part in (pose.hand_m, pose.head_m, pose.trunk_m)):
+    if any(np.isinf(part).any() for part in (pose.hand_m, pose.head_m, pose.trunk_m, pose.facing)):
         raise DataError("not_finite", "a part of the person is infinitely far away")
+    segments = pose.segments
+    if not all(np.isfinite(each).all() for each in (segments.ends_m, segments.velocities_m_s, segments.radii_m)):
+        raise DataError("not_finite", "a segment of a body is nowhere")
+    if (segments.radii_m < 0.0).any():
+        raise DataError("not_finite", "a segment of a body has a negative radius")

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -48,12 +49,26 @@ def take_motion(
         return state.ended("from_future")
     if state.plan is not None and given.stamp_ns < state.plan.stamp_ns:
         return state.ended("out_of_order")
+    state = _with_evidence(state, given, settings, now_ns)
     # To start asks for more than to go on, so that a score near the bound does not flicker between the two.
     bound = OUT_OF_DISTRIBUTION if state.mode is Mode.FOLLOWING else settings.known_below
     if not given.interaction or given.out_of_distribution > bound:
         since_ns = now_ns if state.unknown_since_ns is None else state.unknown_since_ns
         return replace(state, unknown_since_ns=since_ns).ended("unknown")
     return replace(state, plan=plan, unknown_since_ns=None).ended("accepted")
+
+
+def _with_evidence(
+    state: RetargetingState, given: MotionWindow, settings: RetargetingSettings, now_ns: int
+) -> RetargetingState:
+    """The state with a running mean of how probable the recognised interaction is; what is unknown counts as 0."""
+    known = bool(given.interaction) and given.out_of_distribution <= settings.known_below
+    value = min(max(given.probability, 0.0), 1.0) if known and math.isfinite(given.probability) else 0.0
+    elapsed_s = settings.start_evidence_s if state.evidence_ns is None else (now_ns - state.evidence_ns) * 1e-9
+    mean_s = settings.start_evidence_s / 2.0
+    share = 1.0 - math.exp(-max(elapsed_s, 0.0) / mean_s) if mean_s > 0.0 else 1.0
+    evidence = state.evidence + share * (value - state.evidence)
+    return replace(state, evidence=evidence, evidence_ns=now_ns)
 
 
 def take_person(

@@ -34,10 +34,23 @@ class RetargetingSettings:
         displaced_after_s: ... when it is so for longer than this: moved by hand, blocked or switched off.
         ik: Whether inverse kinematics brings the hands together: `off` follows the learned motion alone, `blend`
             gives way to the person's hand where hands touch, `only` uses no learned motion.
-        keep_out_m: Distance kept from the person's head and trunk.
-        near_m: Nearer than this to the person's hand, head or trunk the robot's hand is near ...
-        near_speed_m_s: ... and moves no faster. Source: in the spirit of ISO/TS 15066, Annex A: a short impact on the
-            chest (2 x 140 N at 25 N/mm, 40 kg) by an arm of 5 kg is borne up to 0.84 m/s.
+        keep_out_m: Distance kept from everyone, but for the hand and forearm that are offered to be touched.
+        near_m: While any part of the arm is nearer than this to anyone ...
+        near_speed_m_s: ... no part of it moves faster, nor towards them faster than this less their own approach.
+            Sources: in the spirit of ISO/TS 15066, Annex A: a short impact on the chest (2 x 140 N at 25 N/mm, 40 kg)
+            by an arm of 5 kg is borne up to 0.84 m/s; and 5.5.4 there with ISO 13855: speed and separation monitoring.
+        allow_unmeasured_contact: Whether hands may touch where people are only assumed to stand, as the camera's pose
+            is not measured.
+        placement_uncertainty_m: How far such people may be from where they are assumed: added to `keep_out_m` and
+            `near_m`.
+        start_facing_deg: The first motion needs a person who faces the robot within this angle, ...
+        start_hand_m: ... whose hand is nearer than this to the robot's shoulder ...
+        start_trunk_m: ... and whose trunk is nearer than this to it; all three only where their place is measured.
+        start_watch_s: It needs a hand that has been raised for so long, and has not gone to the person's own head or
+            aside meanwhile; one that has must come this far towards the robot from the shoulder ...
+        start_reach_m: ... before it counts.
+        start_evidence: It needs a recognised interaction of this probability at least, as a mean ...
+        start_evidence_s: ... over about this time; motions unknown to the model count as 0.
         still_after_s: A raised hand that stays where it is for so long, far from the robot's, is at rest there.
         interaction_s: Longest time to follow one interaction; then the robot goes home.
         home_timeout_s: Longest time on the way home; then the robot holds, and tries again.
@@ -66,6 +79,15 @@ class RetargetingSettings:
     keep_out_m: float = 0.05
     near_m: float = 0.3
     near_speed_m_s: float = 0.8
+    allow_unmeasured_contact: bool = False
+    placement_uncertainty_m: float = 0.25
+    start_facing_deg: float = 60.0
+    start_hand_m: float = 1.3
+    start_trunk_m: float = 2.0
+    start_watch_s: float = 0.25
+    start_reach_m: float = 0.3
+    start_evidence: float = 0.4
+    start_evidence_s: float = 0.3
     still_after_s: float = 3.0
     interaction_s: float = 60.0
     home_timeout_s: float = 30.0
@@ -76,10 +98,11 @@ class RetargetingSettings:
         if self.ik not in MIXES:
             raise unknown_name("ik", self.ik, MIXES)
         may_be_zero = {"look_ahead_s", "unknown_after_s", "home_after_s", "position_margin_rad", "displaced_after_s"}
-        may_be_zero |= {"keep_out_m", "near_m", "execution_delay_s"}
+        may_be_zero |= {"keep_out_m", "near_m", "execution_delay_s", "placement_uncertainty_m"}
+        may_be_zero |= {"start_watch_s", "start_reach_m", "start_evidence", "start_evidence_s"}
         for each in fields(self):
             value = getattr(self, each.name)
-            if each.name in ("start_enabled", "ik"):
+            if each.name in ("start_enabled", "ik", "allow_unmeasured_contact"):
                 continue
             if not (0.0 <= value < 1e6) or (value == 0.0 and each.name not in may_be_zero):
                 floor = "at least" if each.name in may_be_zero else "above"

@@ -6,10 +6,11 @@
 The robot is commanded from where it says it is. Once the person raises the hand it follows the newest motion, read a
 little ahead of now because the limits make it lag, and brings the hands together where they are meant to touch. When
 the hand is back, or without a usable motion, it stops smoothly and goes home slowly; whoever starts on its way is
-followed at once. A motion into itself, into the person or too fast near them is refused. A robot that is found far
-from its command for a while (moved by hand, blocked, switched off) is not pulled back: the command moves smoothly to
-where the robot is, and whatever follows ramps from there. Of a robot that has ceased to say where it is nobody knows
-that, so the command stops until it speaks again.
+followed at once. A motion into itself, into anybody or too fast near them is refused, and the arm gives way to people
+who come too near, also while it waits at home; only an operator's hold stands still. A robot that is found far from its
+command for a while (moved by hand, blocked, switched off) is not pulled back: the command moves smoothly to where the
+robot is, and what follows ramps from there. A robot that no longer says where it is may be anywhere, so the command
+stops until it speaks again.
 """
 
 from __future__ import annotations
@@ -23,20 +24,29 @@ import numpy as np
 from mild_core.joint_measurements import JointMerger
 from mild_core.retargeting.arm_following import ArmFollower, arm_follower
 from mild_core.retargeting.contact import Contact, stiffness
-from mild_core.retargeting.guard import NOBODY, TOO_FAST, Body, Guard, body_of
-from mild_core.retargeting.life import person_present, situation, with_rest
+from mild_core.retargeting.guard import TOO_FAST, Guard, Verdict, View
+from mild_core.retargeting.life import person_present, situation, with_rest, with_start
 from mild_core.retargeting.limiter import JointMotion, Joints, Limiter, NoPlanError
 from mild_core.retargeting.modes import Mode, next_mode
+from mild_core.retargeting.obstacles import NOBODY, Obstacles, obstacles_of
 from mild_core.retargeting.person import LOST_S, SHIFT_M_S, Standing
 from mild_core.retargeting.reception import joint_merger, take_measurement, take_motion, take_person, take_request
 from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.settings import RetargetingSettings
-from mild_core.retargeting.state import Request, RetargetingState
+from mild_core.retargeting.state import PAUSED_S, Request, RetargetingState
 from mild_core.retargeting.target import Plan, Pursuit
 from mild_core.retargeting.trajectory_stream import TrajectoryStream, limits_between_points, resumed
 from mild_core.retargeting.watchdog import after_gap, after_time_jump, known, with_ear
+from mild_core.retargeting.yielding import Yielding
 from mild_core.shapes import FloatArray, read_only
-from mild_core.signals import ARM_FRAME, JointCommand, JointMeasurement, MotionWindow, PersonPose
+from mild_core.signals import (
+    ARM_FRAME,
+    UNKNOWN_DIRECTION,
+    JointCommand,
+    JointMeasurement,
+    MotionWindow,
+    PersonPose,
+)
 
 __all__ = ["Mode", "Request", "Retargeting", "RetargetingInput", "RetargetingSettings", "RetargetingState"]
 
@@ -48,6 +58,14 @@ EASINGS = 3
 
 SLOWED = "slowed"
 """Counted when a part of a motion was taken."""
+
+UNMEASURED = "the camera is not measured; set robot_from_camera or allow_unmeasured_contact"
+ASSUMED = "the camera is not measured: hands may touch as allow_unmeasured_contact says, where people are assumed to be"
+UNKNOWN_BODY = "the person's head and trunk are not known; use a tracker that gives shoulders and head"
+"""Why hands are not brought together, or why they should not be."""
+
+NEEDED_PARTS = {"head", "trunk"}
+"""Parts of the watched person that must be known for hands to touch: what must not be touched has to be known first."""
 
 AT_HOME_RAD = 1e-6
 """Closer to home than this is home: far below an encoder's step, far above rounding."""
@@ -77,6 +95,7 @@ class Retargeting:
     _slow: Limiter = field(init=False, repr=False)
     _guard: Guard = field(init=False, repr=False)
     _merger: JointMerger = field(init=False, repr=False)
+    _yielding: Yielding = field(init=False, repr=False)
     _contact: Contact | None = field(init=False, repr=False)
     _lower: FloatArray = field(init=False, repr=False)
     _upper: FloatArray = field(init=False, repr=False)
@@ -95,6 +114,7 @@ class Retargeting:
         object.__setattr__(self, "_home", self._inside(robot.home_rad))
         object.__setattr__(self, "_guard", Guard(robot, self.settings))
         object.__setattr__(self, "_merger", joint_merger(robot, self.settings))
+        object.__setattr__(self, "_yielding", Yielding(robot, self.settings, self._guard))
         touches = self.settings.ik != "off" and self.standing is not None
         object.__setattr__(self, "_contact", Contact(robot, self.settings.ik, margin) if touches else None)
 
@@ -152,10 +172,14 @@ class Retargeting:
         if state.plan is not None and self.standing is not None:
             most_m = SHIFT_M_S * elapsed_s if state.near_m < self.settings.near_m else math.inf
             state = replace(state, place_m=self.standing.place(state.plan.interaction, state.place_m, most_m))
+        among = self._obstacles(state, now_ns)
+        here = self._guard.here(motion, among)
+        state = self._with_people(replace(state, near_m=here.near_m), among, here)
         state = with_ear(with_rest(state, self.settings, now_ns), self.settings, now_ns)
+        state = with_start(state, self.settings, self._guard.chain.offsets[0][:3, 3], now_ns)
         state = self._in_next_mode(state, motion, now_ns)
         try:
-            state, motion = self._advanced(state, motion, now_ns, elapsed_s)
+            state, motion = self._advanced(state, motion, among, here, now_ns, elapsed_s)
         except NoPlanError:
             motion = JointMotion.at_rest(motion.position_rad)
             state = state.counted("no_plan")
@@ -175,7 +199,10 @@ class Retargeting:
 
     def _in_next_mode(self, state: RetargetingState, motion: JointMotion, now_ns: int) -> RetargetingState:
         settings, resting = self.settings, motion.resting
-        given = situation(state, settings, now_ns, resting=resting, at_home=resting and self._at_home(motion))
+        at_home = resting and self._at_home(motion)
+        if at_home and state.gave_way:
+            state = replace(state, gave_way=False)
+        given = situation(state, settings, now_ns, resting=resting, at_home=at_home)
         mode = next_mode(state.mode, given)
         if mode is state.mode:
             return state
@@ -188,13 +215,59 @@ class Retargeting:
         plan = state.plan if given.usable else None
         return replace(state, mode=mode, plan=plan, holding_since_ns=now_ns)
 
+    def _with_people(self, state: RetargetingState, among: Obstacles, here: View) -> RetargetingState:
+        """The state that knows what an operator should know of people: why no hands meet, and who is in the way."""
+        crowd, no_contact = state.crowd, ""
+        if crowd is not None and self._contact is not None and len(among.people):
+            if crowd.frame_id == ARM_FRAME:
+                no_contact = ASSUMED if self.settings.allow_unmeasured_contact else f"no contact: {UNMEASURED}"
+            if not self._may_touch(state) and not no_contact and crowd.watched_parts:
+                no_contact = f"no contact: {UNKNOWN_BODY}"
+        crowded = False
+        for place in range(len(among.people)):
+            if among.is_bystander(place) and here.clear_m[0, place] < among.zones_m[place]:
+                crowded = True
+        crowded = crowded or self._guard.within_reach(among)
+        if (no_contact, crowded) == (state.no_contact, state.crowded):
+            return state
+        if crowded and not state.crowded:
+            state = state.counted("bystander_near")
+        return replace(state, no_contact=no_contact, crowded=crowded)
+
+    def _may_touch(self, state: RetargetingState) -> bool:
+        """Whether the watched person is known well enough for hands to touch."""
+        crowd = state.crowd
+        if crowd is None or not crowd.watched_parts >= NEEDED_PARTS:
+            return False
+        return crowd.frame_id != ARM_FRAME or self.settings.allow_unmeasured_contact
+
     def _advanced(
-        self, state: RetargetingState, motion: JointMotion, now_ns: int, elapsed_s: float
+        self,
+        state: RetargetingState,
+        motion: JointMotion,
+        among: Obstacles,
+        here: View,
+        now_ns: int,
+        elapsed_s: float,
     ) -> tuple[RetargetingState, JointMotion]:
         """The state and the motion after a step, or after the first step of a stop where the wanted one is refused."""
-        body = self._body(state, now_ns)
-        if state.mode is Mode.FOLLOWING and state.plan is not None:
-            state, target_rad = self._target(state, state.plan, motion, body, now_ns, elapsed_s)
+        if self._touches(state):
+            among = among.touchable()
+        if state.mode in (Mode.DISABLED, Mode.HELD):
+            return replace(state, yielding=False), self._limiter.stop(motion, elapsed_s)
+        retreat = None
+        if not (state.displaced or state.silent):
+            resting = self._limiter.resting_place(motion)
+            retreat = self._yielding.retreat(motion.position_rad, resting, here, among)
+        if (retreat is not None) != state.yielding:
+            state = replace(state, yielding=retreat is not None, gave_way=True)
+            state = state.counted("yielded") if state.yielding else state
+        following = state.mode is Mode.FOLLOWING and state.plan is not None
+        if following and state.plan is not None:
+            state, target_rad = self._target(state, state.plan, motion, among, here, now_ns, elapsed_s)
+        if retreat is not None:
+            wanted = self._retreating(motion, retreat, elapsed_s)
+        elif following:
             wanted = self._limiter.toward(motion, target_rad, elapsed_s)
         elif state.mode is Mode.HOLDING and state.displaced:
             wanted = self._limiter.toward(motion, self._inside(np.array(state.measured_rad)), elapsed_s)
@@ -204,49 +277,74 @@ class Retargeting:
             return state, self._limiter.stop(motion, elapsed_s)
         if wanted.resting and wanted.position_rad == motion.position_rad:
             return state, wanted
-        taken, refusal, near_m = self._harmless(motion, wanted, body, elapsed_s)
-        state = replace(state, near_m=near_m)
-        if not refusal:
-            return state, taken
-        if state.pursuit is not None and refusal not in (SLOWED, TOO_FAST):
+        taken, verdict = self._harmless(motion, wanted, among, here, elapsed_s)
+        refusal = verdict.refusal
+        if refusal and among.is_bystander(verdict.segment):
+            state = _paused(state, now_ns)
+        if state.pursuit is not None and (retreat is not None or (refusal and refusal not in (SLOWED, TOO_FAST))):
             # Held back for good a joint sets off anew, and does not hurry after what went on without it.
-            free = [a == b for a, b in zip(taken.position_rad, wanted.position_rad, strict=True)]
-            pursuit = state.pursuit.held(self._limiter.resting_place(taken), free) if any(free) else None
+            each = zip(taken.position_rad, wanted.position_rad, strict=True)
+            free = [retreat is None and a == b for a, b in each]
+            goes = any(free) or retreat is not None
+            pursuit = state.pursuit.held(self._limiter.resting_place(taken), free) if goes else None
             state = replace(state, pursuit=pursuit)
-        return state.counted(refusal), taken
+        return state.counted(refusal) if refusal else state, taken
+
+    def _touches(self, state: RetargetingState) -> bool:
+        """Whether the watched hand may be touched now: it is offered, or hands are together and it is not withdrawn."""
+        if state.mode is not Mode.FOLLOWING or state.plan is None or state.sight is None or self.standing is None:
+            return False
+        if self._contact is None or state.plan.interaction not in self.standing.by_interaction:
+            return False
+        meeting = state.touch is not None and not state.touch.withdrawn
+        return self._may_touch(state) and (state.sight.offered() or (state.sight.raised and meeting))
+
+    def _retreating(self, motion: JointMotion, retreat_rad_s: Joints, elapsed_s: float) -> JointMotion:
+        """A step away from people; joints whose stop would leave their range stop instead."""
+        moved = self._limiter.at_velocity(motion, retreat_rad_s, elapsed_s)
+        stopped, resting = self._limiter.stop(motion, elapsed_s), self._limiter.resting_place(moved)
+        for joint, place in enumerate(resting):
+            if not self._lower[joint] <= place <= self._upper[joint]:
+                moved = moved.with_joint(joint, stopped)
+        return moved
 
     def _harmless(
-        self, motion: JointMotion, wanted: JointMotion, body: Body, elapsed_s: float
-    ) -> tuple[JointMotion, str, float]:
-        """As much of a step as is harmless, from none, which is a stop; why not all of it; and how near [m] it is.
+        self, motion: JointMotion, wanted: JointMotion, among: Obstacles, here: View, elapsed_s: float
+    ) -> tuple[JointMotion, Verdict]:
+        """As much of a step as is harmless, from none, which is a stop; and why not all of it.
 
         A joint that does no harm without the others goes on: an arm that would meet the robot slides along it. Between
         two motions that keep the limits all others keep them, also with joints of the one in the other.
         """
-        refusal, near_m = self._guard.judged(motion, self._limiter.stop_path(wanted), body)
-        if not refusal:
-            return wanted, refusal, near_m
+
+        def checked(tried: JointMotion) -> Verdict:
+            return self._guard.check_motion(self._limiter, motion, tried, elapsed_s, here, among)
+
+        verdict = checked(wanted)
+        if not verdict.refusal:
+            return wanted, verdict
         taken = stop = self._limiter.stop(motion, elapsed_s)
         least, most = 0.0, 1.0
         for _ in range(EASINGS):
             share = (least + most) / 2.0
             tried = stop.toward(wanted, share)
-            if self._guard.judged(motion, self._limiter.stop_path(tried), body)[0]:
+            if checked(tried).refusal:
                 most = share
             else:
                 least, taken = share, tried
-        for joint in range(len(self._home)) if refusal != TOO_FAST else ():
+        for joint in range(len(self._home)) if verdict.refusal != TOO_FAST else ():
             tried = taken.with_joint(joint, wanted)
-            if not self._guard.judged(motion, self._limiter.stop_path(tried), body)[0]:
+            if not checked(tried).refusal:
                 taken = tried
-        return taken, SLOWED if least > 0.0 else refusal, near_m
+        return taken, verdict._replace(refusal=SLOWED) if least > 0.0 else verdict
 
     def _target(
         self,
         state: RetargetingState,
         plan: Plan,
         motion: JointMotion,
-        body: Body,
+        among: Obstacles,
+        here: View,
         now_ns: int,
         elapsed_s: float,
     ) -> tuple[RetargetingState, Joints]:
@@ -254,33 +352,43 @@ class Retargeting:
         aimed, touch = self._wanted(plan, motion, now_ns), None
         pursuit = state.pursuit or Pursuit.onto(aimed, self._limiter.resting_place(motion))
         if self._contact is not None and self.standing is not None:
-            touches = plan.interaction in self.standing.by_interaction and np.isfinite(body.hand_m).all()
-            hand_m = self._guard.outside(body.hand_m, body) if touches else None
+            hand_m = self._hand(state, now_ns)
+            touches = plan.interaction in self.standing.by_interaction and bool(np.isfinite(hand_m).all())
+            touches = touches and self._may_touch(state) and not state.yielding
+            met_m, pushed = self._guard.push_out(hand_m, among.touchable()) if touches else (None, -1)
+            if among.is_bystander(pushed):
+                state = _paused(state, now_ns)
             offered = state.sight is not None and state.sight.offered()
-            known = (plan.covariance, hand_m, offered, state.touch)
-            aimed, touch = self._contact.aim(aimed, *known, np.array(motion.position_rad), elapsed_s)
+            given = (plan.covariance, met_m, offered, state.touch)
+            aimed, touch = self._contact.aim(aimed, *given, np.array(motion.position_rad), elapsed_s)
             aimed = np.minimum(np.maximum(aimed, self._lower), self._upper)
         hurry = 0.0 if touch is None else touch.share * self._guard.nearness(state.near_m)
         pursuit, target = pursuit.nearer(aimed, self.settings.ramp_velocity_rad_s, hurry, elapsed_s)
         # A plan that turns takes what is left to catch up with along, beyond the limits too.
         target = np.minimum(np.maximum(target, self._lower), self._upper)
-        target = self._guard.paced(np.array(pursuit.target_rad), target, state.near_m, elapsed_s)
+        before = np.array(pursuit.target_rad)
+        target = self._guard.limit_speed(before, target, here, among, state.crowded, elapsed_s)
         pursuit = pursuit.at(target, aimed)
         return replace(state, touch=touch, pursuit=pursuit), pursuit.target_rad
 
-    def _body(self, state: RetargetingState, now_ns: int) -> Body:
-        """The person where they will be when this command has been carried out; nobody if that is not known."""
+    def _hand(self, state: RetargetingState, now_ns: int) -> FloatArray:
+        """(3,) the watched hand in the base frame when this command has been carried out; NaN if that is not known."""
         sight, settings = state.sight, self.settings
         if sight is None or not person_present(state, settings, now_ns):
-            return NOBODY
-        if sight.frame_id == ARM_FRAME and self.standing is None:
-            return NOBODY
-        seen = (now_ns - sight.hand_ns) * 1e-9 <= LOST_S
-        hand = sight.hand_at(now_ns + round(settings.look_ahead_s * 1e9)) if seen else np.full(3, np.nan)
-        points = np.stack([hand, *sight.body_m])
+            return UNKNOWN_DIRECTION
+        if (now_ns - sight.hand_ns) * 1e-9 > LOST_S or (sight.frame_id == ARM_FRAME and self.standing is None):
+            return UNKNOWN_DIRECTION
+        hand = sight.hand_at(now_ns + round(settings.look_ahead_s * 1e9))
         if self.standing is not None:
-            points = self.standing.placed(points, sight.frame_id, state.place_m or self.standing.place_m)
-        return body_of(points[0], points[1:])
+            hand = self.standing.placed(hand, sight.frame_id, state.place_m or self.standing.place_m)
+        return hand
+
+    def _obstacles(self, state: RetargetingState, now_ns: int) -> Obstacles:
+        """Everyone where they will be when this command has been carried out."""
+        if state.crowd is None:
+            return NOBODY
+        hand_m = self._hand(state, now_ns)
+        return obstacles_of(state.crowd, self.settings, self.standing, state.place_m, hand_m, now_ns)
 
     def _homeward(self, motion: JointMotion, elapsed_s: float) -> JointMotion:
         """A step of the slow way home, or of a stop while the arm is quicker than that way can bear.
@@ -312,3 +420,10 @@ class Retargeting:
 
     def _inside(self, positions_rad: FloatArray) -> Joints:
         return tuple(np.minimum(np.maximum(positions_rad, self._lower), self._upper).tolist())
+
+
+def _paused(state: RetargetingState, now_ns: int) -> RetargetingState:
+    """The state after a bystander has held the arm back; counted once until it was free for a while."""
+    if state.paused_ns is None or (now_ns - state.paused_ns) * 1e-9 > PAUSED_S:
+        state = state.counted("bystander_paused")
+    return replace(state, paused_ns=now_ns)

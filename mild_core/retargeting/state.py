@@ -12,9 +12,13 @@ from mild_core.joint_measurements import JointTracks
 from mild_core.retargeting.contact import Touch
 from mild_core.retargeting.limiter import JointMotion, Joints
 from mild_core.retargeting.modes import Mode
+from mild_core.retargeting.obstacles import Crowd
 from mild_core.retargeting.person import Point, Sight, seen_again
 from mild_core.retargeting.target import Plan, Pursuit
 from mild_core.signals import PersonPose
+
+PAUSED_S = 1.0
+"""For so long after it was held back by a bystander the arm is said to be paused: diagnostics come once a second."""
 
 
 @dataclass(frozen=True)
@@ -55,10 +59,20 @@ class RetargetingState:
         displaced: It has been far for too long.
         person: The newest pose of the person ...
         person_ns: ... and when it came.
-        sight: What is known of the person from all poses before that one.
+        sight: What is known of the person from all poses before that one ...
+        crowd: ... and everyone's segments in the newest of those.
+        evidence: For a recognised interaction lately, from 0 to 1 ...
+        evidence_ns: ... by the motion that came then; None before the first.
+        doubt: Where the hand that is raised has gone where no greeting goes; "" if it has not.
+        start_refusal: Why the robot does not start for a hand that is raised; "" when it does.
         touch: How far the hands have been brought together; None when they are not.
         place_m: Where the person is taken to stand, if the camera does not tell.
-        near_m: How near the robot's hand was to the person at the newest command that moves.
+        near_m: How near anybody was to the arm at the newest command.
+        no_contact: Why hands are not brought together; "" when they may be.
+        crowded: Whether a bystander is within the arm's reach, or near it.
+        paused_ns: When a bystander last held the arm back; None if never.
+        yielding: Whether the arm gives way to somebody ...
+        gave_way: ... or has done so and is not at home since.
         counts: Events by reason since the start.
         outcome: What became of the newest input: a key of `counts`.
         detail: Why that input was not used, for people; "" when it was.
@@ -85,9 +99,19 @@ class RetargetingState:
     person: PersonPose | None = None
     person_ns: int = 0
     sight: Sight | None = None
+    crowd: Crowd | None = None
+    evidence: float = 0.0
+    evidence_ns: int | None = None
+    doubt: str = ""
+    start_refusal: str = ""
     touch: Touch | None = None
     place_m: Point | None = None
     near_m: float = math.inf
+    no_contact: str = ""
+    crowded: bool = False
+    paused_ns: int | None = None
+    yielding: bool = False
+    gave_way: bool = False
     counts: Mapping[str, int] = field(default_factory=dict)
     outcome: str = ""
     detail: str = ""
@@ -100,7 +124,17 @@ class RetargetingState:
         """
         if self.person is None or self.person_ns == now_ns:
             return self
-        return replace(self, person=None, sight=seen_again(self.sight, self.person, self.person_ns))
+        sight = seen_again(self.sight, self.person, self.person_ns)
+        return replace(self, person=None, sight=sight, crowd=Crowd.of(self.person))
+
+    def notices(self, now_ns: int) -> tuple[str, ...]:
+        """What an operator should know of people, each a sentence."""
+        found = [self.no_contact] if self.no_contact else []
+        if self.paused_ns is not None and (now_ns - self.paused_ns) * 1e-9 < PAUSED_S:
+            found.append("paused: a bystander is within reach")
+        elif self.crowded:
+            found.append("slowed: a bystander is within reach")
+        return tuple(found)
 
     def with_pending(self, position_rad: Joints, delay_s: float, now_ns: int) -> RetargetingState:
         """One more command that is carried out `delay_s` from now."""

@@ -70,5 +70,9 @@ def after_time_jump(state: RetargetingState, now_ns: int) -> RetargetingState:
         measured_ns=None if state.measured_ns is None else now_ns,
         person=None,
         sight=None,
+        crowd=None if state.crowd is None else replace(state.crowd, stamp_ns=now_ns),
+        evidence=0.0,
+        evidence_ns=None,
+        paused_ns=None,
         holding_since_ns=now_ns,
     ).counted("time_backwards")

@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from mild_core.inference.manifest import Manifest
+from mild_core.retargeting.kinematics import forward_kinematics
 from mild_core.retargeting.person import Standing
 from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.retargeting.stage import Retargeting
-from mild_core.signals import ARM_FRAME, ARM_JOINTS, JointMeasurement, MotionWindow, PersonPose
+from mild_core.signals import ARM_JOINTS, ROBOT_FRAME, BodySegments, JointMeasurement, MotionWindow, PersonPose
 from mild_ros.assembly.robot import check_fit, make_robot
 from mild_ros.controller_messages import delay_of
 from mild_ros.settings import RetargetingParameters
@@ -41,21 +42,44 @@ def make_retargeting(parameters: RetargetingParameters, manifest: Manifest) -> R
         ik=parameters.ik,  # type: ignore[arg-type]
         keep_out_m=parameters.keep_out_m,
         near_speed_m_s=parameters.near_speed_m_s,
+        allow_unmeasured_contact=parameters.allow_unmeasured_contact,
+        placement_uncertainty_m=parameters.placement_uncertainty_m,
+        start_facing_deg=parameters.start_facing_deg,
+        start_hand_m=parameters.start_hand_m,
+        start_trunk_m=parameters.start_trunk_m,
+        start_watch_s=parameters.start_watch_s,
+        start_reach_m=parameters.start_reach_m,
+        start_evidence=parameters.start_evidence,
+        start_evidence_s=parameters.start_evidence_s,
         interaction_s=parameters.interaction_s,
         start_enabled=parameters.enabled,
     )
     there = manifest.robot_from_human
-    stage = Retargeting(robot, settings, Standing(there.translation_m, there.yaw_rad, there.by_interaction))
-    state, _ = stage.step(stage.init(), JointMeasurement(0, stage.robot.joint_names, stage.robot.home_rad), 0)
+    standing = Standing(there.translation_m, there.yaw_rad, there.by_interaction)
+    _compile(robot, settings, standing, manifest.controlled.kind == "human_arm")
+    return Retargeting(robot, settings, standing)
+
+
+def _compile(robot: RobotModel, settings: RetargetingSettings, standing: Standing, arms: bool) -> None:
+    """Run once all that is compiled at its first call: a hand that is met at once, then a head that is given way to."""
+    eager = replace(
+        settings, allow_unmeasured_contact=True, start_watch_s=0.0, start_evidence=0.0, placement_uncertainty_m=0.0
+    )
+    stage = Retargeting(robot, eager, standing)
+    touching = next(iter(standing.by_interaction), "any")
+    motion = _hanging(touching) if arms else _away(robot, touching)
+    state, _ = stage.step(stage.init(), JointMeasurement(0, robot.joint_names, robot.home_rad), 0)
     state, _ = stage.step(state, None, 1)
-    # A hand is raised to where the robot's will meet it, so that all that is compiled is compiled now.
-    touching = next(iter(there.by_interaction), "any")
-    motion = _hanging(touching) if manifest.controlled.kind == "human_arm" else _away(robot, touching)
-    for now_ns, hand_m in ((10_000_000, np.zeros(3)), (20_000_000, np.array([0.6, 0.0, -0.2]))):
-        state, _ = stage.step(state, PersonPose(now_ns, ARM_FRAME, hand_m, hand_m, np.zeros((2, 3))), now_ns)
+    home_m = forward_kinematics(robot, robot.home_rad, robot.tool_link)[:3, 3]
+    trunk_m = home_m + np.array([0.6, 0.0, 0.0])
+    for number, (hand_m, head_m) in enumerate(((trunk_m, trunk_m), (home_m + 0.1, trunk_m), (home_m + 0.1, home_m))):
+        now_ns = (1 + number) * 10_000_000
+        ends = np.array([[head_m, head_m], [trunk_m, trunk_m], [trunk_m, hand_m]])
+        body = BodySegments((0, 0, 0), ("head", "trunk", "right_forearm"), ends, 0.0 * ends, np.full(3, 0.05))
+        pose = PersonPose(now_ns, ROBOT_FRAME, hand_m, head_m, np.stack([trunk_m, trunk_m]), body)
+        state, _ = stage.step(state, pose, now_ns)
         state, _ = stage.step(state, replace(motion, stamp_ns=now_ns), now_ns + 1)
         state, _ = stage.step(state, None, now_ns + 5_000_000)
-    return stage
 
 
 def _away(robot: RobotModel, interaction: str) -> MotionWindow:

@@ -25,8 +25,12 @@ PARTS = {
     "motion wanted": ("", "_wanted"),
     "hands together": ("_contact", "aim"),
     "planner": ("_limiter", "toward"),
-    "stop planned": ("_limiter", "stop_path"),
-    "judge": ("_guard", "judged"),
+    "path sampled": ("_limiter", "path"),
+    "everyone placed": ("", "_obstacles"),
+    "view of a path": ("_guard", "view"),
+    "giving way": ("_yielding", "retreat"),
+    "speed limited": ("_guard", "limit_speed"),
+    "judge": ("_guard", "check_motion"),
 }
 """Where in the stage each part is: an attribute of it, "" for itself, and a method."""
 
@@ -36,9 +40,9 @@ REPEATED = 7
 
 
 def _timed(function: Callable[..., Any], times_us: list[float]) -> Callable[..., Any]:
-    def timing(*given: Any) -> Any:
+    def timing(*given: Any, **named: Any) -> Any:
         start_ns = time.thread_time_ns()
-        made = function(*given)
+        made = function(*given, **named)
         times_us.append((time.thread_time_ns() - start_ns) / 1e3)
         return made
 

@@ -14,7 +14,8 @@ from mild_core.retargeting.person import Standing
 from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.stage import Retargeting, RetargetingInput, RetargetingSettings
 from mild_core.shapes import FloatArray
-from mild_core.signals import ARM_JOINTS, ROBOT_FRAME, JointCommand, JointMeasurement, MotionWindow, PersonPose
+from mild_core.signals import ARM_JOINTS, JointCommand, JointMeasurement, MotionWindow
+from test.core.retargeting.people import RADII_M, pose
 from test.core.retargeting.perfect import MODEL_PERIOD_NS, START_NS, TICK_NS
 
 Arms = tuple[FloatArray, FloatArray]
@@ -49,12 +50,14 @@ class Offer:
         hand_m: (3,) where it is held out, in the robot's base frame.
         arms: The partner's, at rest and where hands meet.
         held_s: For so long.
+        parts: Of the person that are told; without any, nothing is kept away from.
     """
 
     robot: RobotModel
     hand_m: FloatArray
     arms: Arms = LOW
     held_s: float = 1.2
+    parts: tuple[str, ...] = tuple(RADII_M)
 
     @property
     def duration_s(self) -> float:
@@ -80,7 +83,7 @@ class Offer:
             time_s = (now_ns - START_NS) * 1e-9
             if now_ns >= next_pose_ns:
                 head, *trunk = self.hand_m + HEAD_AND_TRUNK_M
-                yield now_ns, PersonPose(now_ns, ROBOT_FRAME, self.hand_at(time_s), head, np.array(trunk))
+                yield now_ns, pose(now_ns, self.hand_at(time_s), head, np.array(trunk), parts=self.parts)
                 next_pose_ns += 1_000_000_000 // 30
             if now_ns >= next_motion_ns:
                 yield now_ns, self._motion(now_ns, time_s)

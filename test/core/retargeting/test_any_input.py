@@ -11,12 +11,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from mild_core.joint_measurements import OUTCOMES as OF_JOINTS
-from mild_core.retargeting.guard import NOBODY, Guard
-from mild_core.retargeting.limiter import JointMotion
+from mild_core.retargeting.guard import Guard
 from mild_core.retargeting.person import Standing
 from mild_core.retargeting.robots.yumi import YUMI
-from mild_core.retargeting.stage import Request, Retargeting, RetargetingInput, RetargetingState
+from mild_core.retargeting.stage import Request, Retargeting, RetargetingInput, RetargetingSettings, RetargetingState
 from mild_core.signals import ARM_FRAME, ROBOT_FRAME, JointCommand, PersonPose
+from test.core.retargeting import people
 from test.core.retargeting.limits import ROUNDING_RAD, check_limits
 from test.core.retargeting.perfect import START_NS, measurement, window
 
@@ -59,8 +59,12 @@ def _pose(event: Event, rng: np.random.Generator, stamp_ns: int) -> PersonPose:
     parts = [hand, *rng.normal([[0.0, 0.2, 0.2], [0.0, 0.2, 0.0], [0.0, 0.2, -0.5]], 0.1 * event.size)]
     if rng.random() < 0.2:
         parts[rng.integers(4)] = np.full(3, rng.choice([np.nan, np.inf]))
-    frame = rng.choice([ARM_FRAME, ROBOT_FRAME, "nowhere"], p=[0.7, 0.2, 0.1])
-    return PersonPose(stamp_ns, str(frame), parts[0], parts[1], np.array(parts[2:]))
+    frame = str(rng.choice([ARM_FRAME, ROBOT_FRAME, "nowhere"], p=[0.5, 0.4, 0.1]))
+    others = [(number, people.body_ends(*rng.normal(0.3, event.size, (4, 3)))) for number in range(rng.integers(3))]
+    whole = np.isfinite(parts).all()
+    known = people.segments([*([(0, people.body_ends(*parts))] if whole else []), *others], rng.normal(0, 0.5, 3))
+    facing, watched = rng.normal(size=3) if rng.random() < 0.5 else np.full(3, np.nan), bool(rng.random() < 0.9)
+    return PersonPose(stamp_ns, frame, parts[0], parts[1], np.array(parts[2:]), known, facing, watched)
 
 
 def _given(event: Event, state: RetargetingState, now_ns: int) -> RetargetingInput:
@@ -95,17 +99,17 @@ def _given(event: Event, state: RetargetingState, now_ns: int) -> RetargetingInp
 
 @pytest.fixture(scope="module")
 def retargeting() -> Retargeting:
-    return Retargeting(YUMI, standing=STANDING)
+    return Retargeting(YUMI, RetargetingSettings(allow_unmeasured_contact=True), STANDING)
 
 
 BETWEEN_M = 0.01
-"""How much nearer parts may come between the three places at which a stop is looked at; APART_M is twice that."""
+"""How much nearer parts may come between the places at which a stop is looked at; APART_M is twice that."""
 
 
 def check_clearance(retargeting: Retargeting, commands: list[JointCommand]) -> None:
     """Assert that parts of the robot never come nearer to each other than they may, or than they were at first."""
-    motions = [JointMotion.at_rest(tuple(command.positions_rad.tolist())) for command in commands]
-    clear_m = Guard(YUMI, retargeting.settings).seen(motions, NOBODY)[:, 0]
+    at = np.array([command.positions_rad for command in commands])
+    clear_m = Guard(YUMI, retargeting.settings).own_clearance_m(at)
     assert clear_m.min() >= min(0.0, clear_m[0]) - BETWEEN_M
 
 

@@ -7,14 +7,15 @@ import numpy as np
 import pytest
 
 from mild_core.retargeting.chain import chain_of
-from mild_core.retargeting.guard import NOBODY, Guard, body_of
-from mild_core.retargeting.limiter import JointMotion
+from mild_core.retargeting.guard import Guard
+from mild_core.retargeting.obstacles import Crowd, Obstacles, obstacles_of
 from mild_core.retargeting.person import Standing
 from mild_core.retargeting.robots.yumi import YUMI
 from mild_core.retargeting.stage import Request, Retargeting, RetargetingSettings
 from mild_core.shapes import FloatArray
-from mild_core.signals import ARM_FRAME, PersonPose
+from mild_core.signals import ARM_FRAME, JointCommand, PersonPose
 from test.core.retargeting.limits import check_limits
+from test.core.retargeting.people import RADII_M, pose
 from test.core.retargeting.perfect import TICK_NS, window
 from test.core.retargeting.run import AWAY, SECOND_NS, Run
 
@@ -28,11 +29,20 @@ MEETING_M = (np.array([0.9, 0.1, 0.7]) - TOOL_M) * [1, 1, -1]
 """Where the person's hand is, in the arm frame, when it is where the robot's comes by what it has learned."""
 
 
+def seen(
+    stamp_ns: int, hand_m: FloatArray, body_m: FloatArray = BODY_M, parts: tuple[str, ...] = tuple(RADII_M)
+) -> PersonPose:
+    """The person before the robot, seen by a calibrated camera; places are given in the arm frame."""
+    hand, head, *trunk = STANDING.placed(np.stack([hand_m, *body_m]), ARM_FRAME, STANDING.place_m)
+    return pose(stamp_ns, hand, head, np.array(trunk), facing=np.array([-1.0, 0.0, 0.0]), parts=parts)
+
+
 class Meeting(Run):
     """A retargeting with a person before the robot."""
 
-    def __init__(self, settings: RetargetingSettings | None = None) -> None:
+    def __init__(self, settings: RetargetingSettings | None = None, parts: tuple[str, ...] = tuple(RADII_M)) -> None:
         super().__init__(settings)
+        self.parts = parts
         self.retargeting = Retargeting(YUMI, self.retargeting.settings, STANDING)
 
     def meet(
@@ -42,7 +52,7 @@ class Meeting(Run):
         for tick in range(round(seconds * SECOND_NS / TICK_NS)):
             self.now_ns += TICK_NS
             if tick % 3 == 0:
-                self.give(PersonPose(self.now_ns, ARM_FRAME, hand_m, BODY_M[0], BODY_M[1:]))
+                self.give(seen(self.now_ns, hand_m, parts=self.parts))
                 self.give(window(np.tile(motion_rad, (40, 1)), self.now_ns, interaction=interaction))
             self.give(None)
 
@@ -55,6 +65,15 @@ class Meeting(Run):
         """Between the commanded hand and the person's."""
         hand = STANDING.placed(hand_m, ARM_FRAME, STANDING.place_m)
         return float(np.linalg.norm(chain_of(YUMI).tool(self.last.positions_rad) - hand))
+
+
+def looked_at(guard: Guard, commands: list[JointCommand], among: Obstacles) -> tuple[FloatArray, FloatArray]:
+    """(T, S) how near the robot is to each segment [m], and (T,) how fast its fastest point [m/s]."""
+    positions, velocities = (
+        np.array([getattr(command, name) for command in commands]) for name in ("positions_rad", "velocities_rad_s")
+    )
+    found = guard.view(np.zeros(len(positions)), positions, velocities, among, 1.0)
+    return found.clear_m, found.speed_m_s
 
 
 def test_two_interactions_in_a_row_go_through_every_mode() -> None:
@@ -87,7 +106,7 @@ def test_the_robot_stays_at_home_while_nobody_starts() -> None:
 
 def test_hands_meet_where_the_person_holds_theirs_and_the_arm_is_soft_then() -> None:
     hand_m = MEETING_M + np.array([0.05, -0.05, 0.04])  # 8 cm from where the model expects it
-    run, learned = Meeting(), Meeting(RetargetingSettings(ik="off"))
+    run, learned = Meeting(), Meeting(RetargetingSettings(ik="off"), parts=())  # whose hand is nothing to keep from
     for each in (run, learned):
         each.meet(0.5, REST_M)
         each.meet(3.0, hand_m, AWAY)
@@ -107,7 +126,7 @@ def test_hands_meet_where_the_person_holds_theirs_and_the_arm_is_soft_then() -> 
 def test_no_hand_is_met_in_an_interaction_without_touch() -> None:
     run = Meeting()
     run.meet(0.5, REST_M, interaction="hand_wave")
-    run.meet(2.0, MEETING_M + 0.05, AWAY, interaction="hand_wave")
+    run.meet(2.0, MEETING_M + np.array([-0.25, 0.0, 0.1]), AWAY, interaction="hand_wave")
     np.testing.assert_allclose(run.last.positions_rad, AWAY, atol=1e-3)
 
 
@@ -139,7 +158,7 @@ def test_a_hold_stops_at_once_stays_and_goes_home_when_released() -> None:
 def test_a_hand_that_stays_up_far_away_is_at_rest_there_and_an_interaction_without_end_ends() -> None:
     run = Meeting()
     run.meet(0.5, REST_M)
-    run.meet(5.0, REST_M + np.array([0.0, 0.0, 0.4]), AWAY)
+    run.meet(5.0, REST_M + np.array([0.2, 0.0, 0.4]), AWAY)
     assert run.state.counts["ended_still"] == 1
     assert run.last.mode != "following"
     run = Meeting(RetargetingSettings(interaction_s=1.0))
@@ -149,26 +168,24 @@ def test_a_hand_that_stays_up_far_away_is_at_rest_there_and_an_interaction_witho
 
 
 def test_the_robot_keeps_out_of_the_head_and_is_slow_near_the_person() -> None:
-    guard = Guard(YUMI, RetargetingSettings())
-    run = Meeting()
+    settings = RetargetingSettings(start_watch_s=0.0)
+    guard, run = Guard(YUMI, settings), Meeting(settings)
     run.meet(0.5, REST_M)
-    head_in_the_way = np.array([MEETING_M, BODY_M[1], BODY_M[2]])
+    head_in_the_way = np.array([MEETING_M + np.array([0.0, 0.13, 0.0]), BODY_M[1], BODY_M[2]])
     for tick in range(200):
         run.now_ns += TICK_NS
         if tick % 3 == 0:
-            run.give(PersonPose(run.now_ns, ARM_FRAME, MEETING_M, head_in_the_way[0], BODY_M[1:]))
+            run.give(seen(run.now_ns, MEETING_M, head_in_the_way))
             run.give(window(np.tile(AWAY, (40, 1)), run.now_ns))
         run.give(None)
-    body = body_of(np.full(3, np.nan), STANDING.placed(head_in_the_way, ARM_FRAME, STANDING.place_m))
-    motions = [
-        JointMotion(tuple(command.positions_rad), tuple(command.velocities_rad_s), (0.0,) * 7)
-        for command in run.commands
-    ]
-    seen = guard.seen(motions, body)
-    assert seen[:, 1].min() > -0.005  # what the three looks at a stop may miss
+    crowd = Crowd.of(seen(run.now_ns, MEETING_M, head_in_the_way))
+    everyone = obstacles_of(crowd, run.retargeting.settings, STANDING, None, np.full(3, np.nan), run.now_ns)
+    clear, speed = looked_at(guard, run.commands, everyone)
+    kept = np.array([part != "right_forearm" for part in everyone.parts])
+    assert clear[:, kept].min() > run.retargeting.settings.keep_out_m - 1e-6
     assert run.state.counts["refused_keep_out"] > 0
-    near = seen[:, 2] < run.retargeting.settings.near_m
-    assert 0.5 < seen[near, 3].max() <= run.retargeting.settings.near_speed_m_s
+    near = clear.min(axis=1) < run.retargeting.settings.near_m
+    assert 0.4 < speed[near].max() <= run.retargeting.settings.near_speed_m_s
 
 
 def test_a_motion_into_the_robots_own_body_is_refused_and_one_out_of_it_taken() -> None:
@@ -176,15 +193,13 @@ def test_a_motion_into_the_robots_own_body_is_refused_and_one_out_of_it_taken() 
     inside[1], inside[2] = -2.2, -2.46  # the upper arm folds back until the forearm meets the trunk
     inside[4] += 0.5  # the forearm's own turn does no harm
     guard = Guard(YUMI, RetargetingSettings())
-    clear = [
-        guard.seen([JointMotion.at_rest(tuple(YUMI.home_rad + s * (inside - YUMI.home_rad)))], NOBODY)[0, 0]
-        for s in np.linspace(0.0, 1.0, 21)
-    ]
+    way = YUMI.home_rad + np.linspace(0.0, 1.0, 21)[:, None] * (inside - YUMI.home_rad)
+    clear = guard.own_clearance_m(way)
     assert min(clear) < -0.01, "the way there does collide"
     run = Run()
     run.wait(3.0, inside)
-    seen = guard.seen([JointMotion.at_rest(tuple(command.positions_rad)) for command in run.commands], NOBODY)
-    assert seen[:, 0].min() > -0.005
+    at = np.array([command.positions_rad for command in run.commands])
+    assert guard.own_clearance_m(at).min() > -1e-3
     assert run.state.counts["refused_self_collision"] > 0
     assert abs(run.last.positions_rad[4] - inside[4]) < 1e-2, "a joint that does no harm goes on"
     check_limits(YUMI, run.commands)

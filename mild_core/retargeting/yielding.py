@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How the arm gives way to somebody who comes too near: away from them, and into nobody else.
+
+Each place of the arm near somebody gets a least speed away from them, which grows as they come faster and nearer
+(a velocity damper). The joints' velocities are the smallest that fulfil all of these, as far as speed and position
+limits let them: a quadratic program. The limiter then takes the joints there inside acceleration and jerk.
+
+Sources: B. Faverjon, P. Tournassoud, "A local based approach for path planning of manipulators with a high number of
+degrees of freedom", ICRA 1987; O. Kanoun et al., T-RO 2011, for inequalities as constraints of such a program.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mild_core.retargeting.guard import PACE, Guard, View
+from mild_core.retargeting.inverse_kinematics import VelocityProgram
+from mild_core.retargeting.limiter import Joints
+from mild_core.retargeting.obstacles import Obstacles
+from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.settings import RetargetingSettings
+from mild_core.shapes import FloatArray
+
+DAMPER_S = 0.3
+"""Somebody who would be too near after this time makes the arm move; who is already, is left at the rate of their depth
+over this time. A joint needs a third of it to come up to speed, and a tracker's message is 0.05 s old."""
+
+LEAST_M_S = 0.02
+"""A slower retreat is none: it would follow a tracker's noise."""
+
+FASTEST_M_S = 1.5
+"""Nobody is given way faster, since nothing of the arm may be that fast near people."""
+
+HEEDED_M = 0.4
+"""Places further from anybody than this, beyond what is kept, are left out of the program."""
+
+LEAST_LEVER_M = 0.08
+"""A place that joints move by less per radian is not moved: the rest of the arm would swing for it."""
+
+AT_LIMIT_S = 0.25
+"""A joint may move so fast that it would need this long to its limit."""
+
+
+@dataclass(frozen=True, eq=False)
+class Yielding:
+    """Velocities away from people, for one robot.
+
+    Attributes:
+        robot: Whose arm.
+        settings: What is kept, and how fast it may be near people.
+        guard: Which knows its shape.
+    """
+
+    robot: RobotModel
+    settings: RetargetingSettings
+    guard: Guard
+    _program: VelocityProgram = field(default_factory=VelocityProgram, init=False, repr=False)
+
+    def retreat(self, position_rad: Joints, resting_rad: Joints, here: View, among: Obstacles) -> Joints | None:
+        """J velocities [rad/s] with which the arm gives way; None when it need not.
+
+        Args:
+            position_rad: Where the joints are.
+            resting_rad: Where they would come to rest.
+            here: What is seen of that.
+            among: Everyone.
+        """
+        if not self._is_pressed(here, among):
+            return None
+        rows, clear, coming, which = self.guard.rows_away(np.array(position_rad), among, self._widest(among) + HEEDED_M)
+        places = which.astype(int)
+        wanted = self._speeds(clear, coming, among, places)
+        heeded = np.linalg.norm(rows, axis=1) > LEAST_LEVER_M
+        rows, wanted = rows[heeded], wanted[heeded]
+        if not len(wanted) or wanted.max() < LEAST_M_S:
+            return None
+        resting, robot = np.array(resting_rad), self.robot
+        margin = self.settings.position_margin_rad
+        upper = np.clip((robot.upper_rad - margin - resting) / AT_LIMIT_S, 0.0, robot.velocity_rad_s)
+        lower = np.clip((robot.lower_rad + margin - resting) / AT_LIMIT_S, -robot.velocity_rad_s, 0.0)
+        velocity = self._program.solve(rows, wanted, lower, upper)
+        if velocity is None:
+            return None
+        most = PACE * self.settings.near_speed_m_s
+        share = min(1.0, most / max(self.guard.arm_speed(np.array(position_rad), velocity, among), 1e-9))
+        return tuple((share * velocity).tolist())
+
+    def _is_pressed(self, here: View, among: Obstacles) -> bool:
+        """Whether anybody is so near, or comes so fast, that the arm may have to give way."""
+        if not len(among.people):
+            return False
+        speeds = self._speeds(here.clear_m[0], here.approach_m_s[0], among, np.arange(len(among.people)))
+        return bool(speeds.max() >= LEAST_M_S)
+
+    def _speeds(
+        self, clear_m: FloatArray, coming_m_s: FloatArray, among: Obstacles, places: NDArray[np.integer]
+    ) -> FloatArray:
+        """Least speeds away from segments at these places; negative where one may still go nearer."""
+        keep = np.minimum(among.keep_m, self.settings.keep_out_m)[places]
+        # A hand that is on its way to be taken must not push the robot's away; only one that is too near does.
+        coming = np.where(places == among.offered, 0.0, np.maximum(coming_m_s, 0.0))
+        speeds: FloatArray = np.minimum(coming - (clear_m - keep) / DAMPER_S, FASTEST_M_S)
+        return np.where(np.isfinite(keep), speeds, -FASTEST_M_S)
+
+    def _widest(self, among: Obstacles) -> float:
+        finite = among.keep_m[np.isfinite(among.keep_m)]
+        return float(finite.max(initial=0.0))
