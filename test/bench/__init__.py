@@ -34,7 +34,7 @@ BENCHES = {
     ),
     "em_iteration": Bench("Processor time of one EM iteration of the prior, beside the same in plain torch loops.", 1),
     "mutations": Bench("Plants faults in copies of the code, one at a time, and lists what no quick test notices.", 45),
-    "people": Bench("Distances and speeds of the robot near people, judged by bodies that are not the guard's.", 10),
+    "people": Bench("Distances and speeds of the robot near people, judged by bodies that are not the guard's.", 25),
     "pepper_contact": Bench("Draws how Pepper and a person shake hands, as a picture or a page.", 1),
     "perception_figures": Bench(
         "Outcomes of perception on recordings of real trackers.",
