@@ -210,6 +210,17 @@ def test_a_watched_person_with_a_new_number_is_no_bystander_too() -> None:
     assert set(last(twice).segments.people) == {WATCHED_PERSON}, "shown twice"
 
 
+def test_a_renumbered_bystander_leaves_no_second_one_behind() -> None:
+    messages = []
+    for index, (frame,) in enumerate(seen(STAMPS_S)):
+        late = index >= 40
+        other = moved(bystander(frame), np.array([0.2 * late, 0.0, 0.0]), BYSTANDER + late)
+        messages.append((frame, other))
+    # They are not taken for the same by place, as a body has to be within 10 cm for that here.
+    pose = last(messages, replace(MEASURED, reacquire_distance_m=0.1))
+    assert len(set(pose.segments.people)) == 2
+
+
 def test_a_body_that_vanishes_stays_and_grows_and_is_forgotten() -> None:
     messages = [(frame, bystander(frame)) for (frame,) in seen(STAMPS_S)]
     gone = [(frame,) for (frame,) in seen(at_rate(RATE_HZ, 3.0) + 2.0)]
