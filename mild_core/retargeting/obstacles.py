@@ -27,8 +27,9 @@ KEPT_S = 5.0
 TOUCHED_M = 0.15
 """The watched hand is no further than this from the axis of its own forearm's segment, which reaches to the fingers."""
 
-ZONE_MARGIN_M = 0.02
-"""Speed is limited this much before the zone begins: what a tracker's noise may take from a distance."""
+ZONE_MARGIN_M = 0.05
+"""Speed is limited this much before the zone begins: what a tracker's noise, its latency and the size of a body may
+take from a distance."""
 
 HAND_PARTS = ("left_forearm", "right_forearm")
 
