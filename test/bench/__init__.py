@@ -28,11 +28,15 @@ BENCHES = {
         "Damages ten thousand bags at random and opens each: read, refused in one line, or salvaged.", 20
     ),
     "command_age": Bench("Age of a command: from a skeleton's stamp to the arrival of its JointState, over DDS.", 1),
+    "command_gaps": Bench("Gaps between commands while each topic is flooded at 5 kHz.", 10),
     "contact": Bench(
         "Distance between the person's and the simulated robot's hand, per interaction and kind of inverse kinematics.",
         *(10, "traj_data.npz in $MILD_DATA for recorded trials"),
     ),
     "em_iteration": Bench("Processor time of one EM iteration of the prior, beside the same in plain torch loops.", 1),
+    "hostile_files": Bench(
+        "Opens files that are made to exhaust memory, time or disk: each refused within its budget.", 3
+    ),
     "mutations": Bench("Plants faults in copies of the code, one at a time, and lists what no quick test notices.", 45),
     "people": Bench("Distances and speeds of the robot near people, judged by bodies that are not the guard's.", 25),
     "pepper_contact": Bench("Draws how Pepper and a person shake hands, as a picture or a page.", 1),
@@ -43,6 +47,7 @@ BENCHES = {
     "perception_latency": Bench("Processor time of one skeleton message in perception.", 0.5),
     "retargeting_tick": Bench("Processor time of one tick of retargeting, per robot and part.", 1),
     "soak": Bench("Random people, interactions and faults for half an hour of simulated time: limits and memory.", 4),
+    "speed_near_people": Bench("Speed of every link near people who stand still, over many ticks.", 25),
     "step_latency": Bench("Latency of one step of inference.", 0.5),
 }
 """The name of each is the name of its module in this package."""

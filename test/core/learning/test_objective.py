@@ -48,7 +48,7 @@ def priors_of(latent, rng):
     """Of each interaction, one whose components lie far apart in both blocks."""
     made = {}
     for number, name in enumerate(TWO):
-        walks = [np.cumsum(rng.normal(0.3, 1.0, (60, 2 * latent)), axis=0) + 5.0 * number for _ in range(2)]
+        walks = [np.cumsum(rng.normal(0.3, 1.0, (8, 2 * latent)), axis=0) + 5.0 * number for _ in range(2)]
         made[name] = HSMM.from_demonstrations(walks, 4, latent)
     return made
 

@@ -59,3 +59,19 @@ def test_a_cluster_belongs_to_one_interaction():
     strayed = territory.init()
     assert strayed.shape == (2,)
     assert territory.reach == 1.0
+
+
+def test_the_reach_is_more_than_people_left_out_need_and_strangeness_fades_by_the_second():
+    trials, protocol, names = made_trials(each=4, frames=200), PROTOCOLS["same"], ("reach", "push")
+    found = territory_of(trials, protocol, names, seed=0)
+    left_out = np.concatenate(
+        [
+            settled_scores(clustered(fold.learned, protocol, names, 0), trial, protocol)
+            for fold in folds_of(trials)
+            for trial in fold.held_out
+        ]
+    )
+    assert found.reach == pytest.approx(1.1 * np.quantile(left_out, 0.995))
+    assert found.kept**40.0 == pytest.approx(0.6)  # a second of 40 frames
+    mean = np.mean([one.observed_m.reshape(one.frames, -1).mean(axis=0) for one in trials], axis=0)
+    assert np.linalg.norm(np.tile(mean, 40) @ found.weight + found.bias) < np.linalg.norm(found.bias)
