@@ -467,7 +467,7 @@ def hand_jerked_back(rng: Rng) -> Setting:
     kept = [key for key in person.right.keys if key[0] < rng.uniform(4.5, 6.0)]
     fast = kept[-1][0] + rng.uniform(0.2, 0.35)
     rest = person.right.keys[0][1]
-    return Setting((replace(person, right=Path((*kept, (fast, rest)))),), fast + 4.0, replace(GREETING, touches=False))
+    return Setting((replace(person, right=Path((*kept, (fast, rest)))),), fast + 4.0, Expectation(KEPT))
 
 
 @scene("In the middle of a greeting the person turns round and walks off.")
