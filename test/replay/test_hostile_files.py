@@ -93,7 +93,7 @@ def test_a_hostile_bag_is_refused_within_its_limits(name: str, salvage: bool, tm
         assert (read, undecodable, line) == (2, 2, "")
     elif not (salvage and name in SALVAGED):
         assert line.startswith(str(file.parent)), "refused, and by name"
-        assert read == 0
+        assert read <= 2, "what stands before the hostile part is read"
         assert salvage or all(words in line for key, words in WORDS.items() if key in name)
 
 
