@@ -61,11 +61,16 @@ def required_message_class(type_name: str) -> type[Any]:
     return found
 
 
-@cache
 def _is_installed(package: str) -> bool:
     """Whether the ament index lists this package of interfaces and Python would take it from that installation."""
+    return _is_listed(package, os.environ.get("AMENT_PREFIX_PATH", ""), tuple(sys.path))
+
+
+@cache
+def _is_listed(package: str, prefix_path: str, _places: tuple[str, ...]) -> bool:
+    """As `_is_installed`, for one state of the environment and of Python's path."""
     # A relative prefix would be one of the current folder. The wheels of ROS do not set the variable.
-    prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
+    prefixes = [*prefix_path.split(os.pathsep), sys.prefix]
     listing = [prefix for prefix in prefixes if os.path.isabs(prefix) and (Path(prefix) / INDEX / package).is_file()]
     spec = PathFinder.find_spec(package) if listing else None
     folders = list(spec.submodule_search_locations or ()) if spec else []

@@ -67,8 +67,9 @@ def try_load(path: Path, library: str) -> None:
 
 def _digest(path: Path) -> str:
     """Of the description and of which meshes it names, by size and time of change."""
+    described = read_description(path)
     digest = hashlib.sha256(path.read_bytes())
-    for mesh in read_description(path).iter("mesh"):
+    for mesh in described.iter("mesh"):
         file = path.parent / mesh.get("filename", "").removeprefix("file://")
         with suppress(OSError, ValueError):
             found = file.stat()

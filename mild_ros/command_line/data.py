@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 from rich.padding import Padding
 from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
 from rich.text import Text
 
 from mild_core.errors import DatasetError
+from mild_ros.command_line.console import Console
 
 if TYPE_CHECKING:
     from mild_core.learning.recording import Recording

@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import Annotated, Protocol
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from mild_core.errors import SetupError, unknown_name
+from mild_ros.command_line.console import Console
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 CONTEXT_SETTINGS = {"measure": {"allow_interspersed_args": False}}

@@ -9,12 +9,14 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console, Group
+from rich.console import Group
 from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
 from mild_core.errors import SetupError
+from mild_core.printable import printable, printable_lines
+from mild_ros.command_line.console import Console
 
 if TYPE_CHECKING:
     from mild_ros.operator_client import NodeStatus
@@ -99,7 +101,7 @@ def _call(name: str, namespace: str, data: bool | None) -> None:
         answers = client.call(name, namespace, data)
     console = Console(highlight=False)
     for answer in answers:
-        mark = "[green]✓[/]" if answer.success else "[red]✗[/]"
+        mark = Text("✓", style="green") if answer.success else Text("✗", style="red")
         console.print(mark, Text(f"{answer.service}: {answer.message}"))
     if not all(answer.success for answer in answers):
         raise SetupError(name, f"refused after {time.monotonic() - begin_s:.1f} s", "see ./mild status")
@@ -115,12 +117,12 @@ def _screen(found: list[NodeStatus]) -> Group:
         ]
         ages = [f"{key.removesuffix(' [ms]')} {value} ms" for key, value in one.values.items() if "p50 [ms]" in key]
         table.add_row(
-            Text(one.name),
+            Text(printable(one.name)),
             Text(one.level, style=STYLES[one.level]),
-            Text(one.message),
-            Text("\n".join(f"{rate} Hz" for rate in rates)),
-            Text("\n".join(ages)),
+            Text(printable(one.message)),
+            Text(printable_lines("\n".join(f"{rate} Hz" for rate in rates))),
+            Text(printable_lines("\n".join(ages))),
         )
     modes = {one.name: one.values["mode"] for one in found if "mode" in one.values}
-    lines = [Text(f"{name}: {mode}", style="bold") for name, mode in modes.items()]
+    lines = [Text(printable(f"{name}: {mode}"), style="bold") for name, mode in modes.items()]
     return Group(*lines, table)

@@ -211,7 +211,12 @@ def swaying(body_m: FloatArray, times_s: FloatArray, reach_m: float = SWAY_M) ->
 
 
 def skeleton_frames(
-    body_m: FloatArray, rate_hz: float, start_ns: int, camera: Camera | None = None, person_id: int = 1
+    body_m: FloatArray,
+    rate_hz: float,
+    start_ns: int,
+    camera: Camera | None = None,
+    person_id: int = 1,
+    sway_m: float = SWAY_M,
 ) -> Iterator[SkeletonFrame]:
     """People as a tracker reports them.
 
@@ -221,12 +226,13 @@ def skeleton_frames(
         start_ns: Stamp of the first frame.
         camera: Where they are seen from.
         person_id: The tracker's number for the person.
+        sway_m: How far the shoulders sway; 0 for people who stand still to the bit.
 
     Yields:
         T frames in the camera's optical frame, all joints seen.
     """
     camera = camera or Camera()
-    body_m = swaying(body_m, np.arange(len(body_m)) / rate_hz)
+    body_m = swaying(body_m, np.arange(len(body_m)) / rate_hz, sway_m)
     confidence = read_only(np.ones(len(BODY_JOINTS)))
     for index, positions in enumerate(camera.sees(body_m)):
         stamp_ns = start_ns + round(index * 1e9 / rate_hz)

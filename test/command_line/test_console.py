@@ -42,5 +42,5 @@ def test_a_style_that_is_meant_is_shown() -> None:
 def test_the_command_line_has_no_other_console() -> None:
     for path in (ROOT / "mild_ros" / "command_line").glob("*.py"):
         for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.ImportFrom) and path.name != "console.py":
-                assert node.module != "rich.console", path
+            if isinstance(node, ast.ImportFrom) and node.module == "rich.console" and path.name != "console.py":
+                assert "Console" not in {name.name for name in node.names}, path

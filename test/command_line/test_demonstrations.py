@@ -25,7 +25,7 @@ from mild_core.shapes import FloatArray
 from mild_ros.bag_writer import create_bag
 from mild_ros.encoding import encode, type_name_of
 from mild_ros.messages.marker_array import people_to_marker_array
-from mild_ros.simulation.person import Camera, looking_at
+from mild_ros.simulation.person import SWAY_M, Camera, looking_at
 from test.command_line.made_sessions import (
     JOINTS,
     ROBOT,
@@ -103,8 +103,8 @@ def test_every_interaction_becomes_a_trial_and_nothing_of_it_is_changed(
         take, place = divmod(trial.trial, 6)
         assert trial.interaction == made[take].shown[place][1]
         arm, joints = truth(made[take], begins[trial.trial], trial.frames)
-        # trials.toml tells the begin of a trial to 0.1 ms, in which the fastest hand (2 m/s) goes 0.2 mm.
-        np.testing.assert_allclose(trial.observed_m, arm, atol=3e-4)
+        # trials.toml tells the begin of a trial to 0.1 ms, where the fastest hand goes 0.2 mm; people sway.
+        np.testing.assert_allclose(trial.observed_m, arm, atol=3e-4 + 2 * SWAY_M)
         # Joints between two messages of 25 Hz, whose values are between two frames of 15 Hz: a reversal is cut short.
         np.testing.assert_allclose(trial.controlled, joints, atol=0.03)
         assert trial.controlled_names == ROBOT.joint_names
@@ -119,7 +119,7 @@ def test_the_model_of_these_trials_beats_the_means_on_trials_that_it_has_not_see
     manifest = model.manifest
     assert (manifest.controlled.robot, manifest.controlled.joint_names) == ("yumi", ROBOT.joint_names)
     assert (manifest.rate_hz, manifest.window, manifest.training["dataset"]) == (15.0, 15, "trials")
-    np.testing.assert_allclose(manifest.observed.bone_lengths_m, (0.29, 0.335), atol=1e-6)
+    np.testing.assert_allclose(manifest.observed.bone_lengths_m, (0.29, 0.335), atol=1e-4)
     assert set(manifest.robot_from_human.by_interaction) == {"handshake"}
     card = (folder / "model" / "REPORT.md").read_text()
     assert "Licence: not stated" in card

@@ -20,6 +20,9 @@ from mild_ros.settings import PipelineParameters
 from mild_ros.simulation.person import looking_at
 from test.conftest import ROOT
 
+SWAY_M = 5e-4
+"""Of generated people about their feet; see `mild_ros.scenes`."""
+
 EVERY = (*SCENES, ROCKET_KNEELING)
 
 
@@ -41,9 +44,9 @@ def test_the_person_of_a_bag_stands_where_the_models_recordings_put_people(scene
     assert pose is not None
     placement = manifest_of(parameters.model).robot_from_human
     expected = placement.by_interaction.get(scene.interaction, placement.translation_m)
-    np.testing.assert_allclose(pose[:3, :3] @ state.calibration.shoulder_m + pose[:3, 3], expected, atol=1e-4)
+    np.testing.assert_allclose(pose[:3, :3] @ state.calibration.shoulder_m + pose[:3, 3], expected, atol=SWAY_M)
     forward = pose[:3, :3] @ state.calibration.arm_from_source[0]
-    np.testing.assert_allclose(forward, [np.cos(placement.yaw_rad), np.sin(placement.yaw_rad), 0.0], atol=1e-4)
+    np.testing.assert_allclose(forward, [np.cos(placement.yaw_rad), np.sin(placement.yaw_rad), 0.0], atol=2e-3)
 
 
 def test_what_is_told_wins_over_what_a_bag_states() -> None:

@@ -100,7 +100,7 @@ def test_a_picture_shows_the_robot(simulated: BulletRobot) -> None:
 
 
 def test_bad_descriptions_are_one_clear_line(tmp_path: Path) -> None:
-    with pytest.raises(SetupError, match="cannot load"):
+    with pytest.raises(SetupError, match="cannot be read"):
         BulletRobot(replace(YUMI, urdf_path=tmp_path / "none.urdf"))
     renamed = tmp_path / "renamed.urdf"
     renamed.write_text(YUMI.urdf_path.read_text().replace("yumi_joint_6_r", "another"))

@@ -22,6 +22,9 @@ from test.core.perception.test_calibration import mirrored
 from test.ros.driver_messages import ARMS, DRIVERS, Driver, transform, yolo, zed
 from test.ros.foreign_messages import foreign, header, received
 
+SEEN_IN_FLOAT32_M = 2e-6
+"""Sway of a person who stands: several drivers send float32, in which less would be a repetition to the bit."""
+
 EVERY = pytest.mark.parametrize("driver", DRIVERS.values(), ids=DRIVERS)
 
 
@@ -60,19 +63,20 @@ def test_every_source_is_played_by_a_driver() -> None:
 @EVERY
 @pytest.mark.parametrize("side", ["right", "left"])
 def test_the_arm_that_moved_is_the_arm_that_is_seen(driver: Driver, side: str) -> None:
-    frames = [people[0] for people in seen(at_rate(40.0, 2.5))]
+    frames = [people[0] for people in seen(at_rate(40.0, 2.5), sway_m=SEEN_IN_FLOAT32_M)]
     state, windows = watched(driver, frames if side == "right" else map(mirrored, frames), side=side)
     assert state.calibration is not None
     assert state.counts["accepted"] == 60 == len(windows)
     assert not {"reacquired", "missed", "filled", "missing_joint"} & state.counts.keys()
-    np.testing.assert_allclose(newest_arms(windows), truth(windows), atol=driver.tolerance_m)
+    np.testing.assert_allclose(newest_arms(windows), truth(windows), atol=driver.tolerance_m + 3 * SEEN_IN_FLOAT32_M)
 
 
 @EVERY
 def test_up_is_checked(driver: Driver) -> None:
     wrong = {"optical": "rep103", "rep103": "optical"}[driver.source.axes]
     state, windows = watched(
-        replace(driver, source=replace(driver.source, axes=wrong)), (people[0] for people in seen(at_rate(40.0, 1.2)))
+        replace(driver, source=replace(driver.source, axes=wrong)),
+        (people[0] for people in seen(at_rate(40.0, 1.2), sway_m=SEEN_IN_FLOAT32_M)),
     )
     assert (state.outcome, windows) == ("wrong_up_axis", [])
 

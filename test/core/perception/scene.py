@@ -56,12 +56,16 @@ def swing(times_s: FloatArray) -> FloatArray:
 
 
 def seen(
-    stamps_s: Iterable[float], motion: Motion = swing, person_id: int = PERSON, camera: Camera | None = None
+    stamps_s: Iterable[float],
+    motion: Motion = swing,
+    person_id: int = PERSON,
+    camera: Camera | None = None,
+    sway_m: float = TINY_M,
 ) -> list[People]:
     """A message for each stamp [s]; the motion starts at 1 s, after the neutral second."""
     times = np.array(list(stamps_s), dtype=np.float64)
     camera = camera or Camera()
-    positions = camera.sees(swaying(bodies(motion(times - 1.0)), times, TINY_M))
+    positions = camera.sees(swaying(bodies(motion(times - 1.0)), times, sway_m))
     ones = np.ones(len(BODY_JOINTS))
     return [
         (SkeletonFrame(round(time * SECOND), camera.frame_id, person_id, BODY_JOINTS, joints, ones),)
