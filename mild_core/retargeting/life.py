@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from mild_core.retargeting.modes import Mode, Situation
+from mild_core.retargeting.person import LOST_S
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.retargeting.start_gate import start_refusal, way_of
 from mild_core.retargeting.state import RetargetingState
@@ -24,10 +25,12 @@ def with_start(
     """The state that knows whether the hand is raised for the robot; while it follows, that was decided before."""
     refusal, doubt, sight = "", "", state.sight
     if sight is not None and sight.raised and state.mode is not Mode.FOLLOWING:
-        way = way_of(sight, state.crowd)
-        # A hand that went where no greeting goes is one that comes back from there, until it reaches for the robot.
-        doubt = "" if way.reaches(settings.start_reach_m) else way.doubt or state.doubt
+        doubt = state.doubt
         if person_present(state, settings, now_ns):
+            if (now_ns - sight.hand_ns) * 1e-9 <= LOST_S:  # where the rest of the arm is agrees with the hand only then
+                way = way_of(sight, state.crowd)
+                # A hand that went where no greeting goes comes back from there, until it reaches for the robot.
+                doubt = "" if way.reaches(settings.start_reach_m) else way.doubt or state.doubt
             refusal = start_refusal(sight, state.crowd, state.evidence, settings, shoulder_m, now_ns) or doubt
     if (refusal, doubt) == (state.start_refusal, state.doubt):
         return state
@@ -74,7 +77,9 @@ def with_rest(state: RetargetingState, settings: RetargetingSettings, now_ns: in
     sight = state.sight
     if state.mode is not Mode.FOLLOWING or sight is None or not sight.raised:
         return state
-    if sight.still_s() > settings.still_after_s and state.near_m > settings.near_m:
+    # Counted from when the robot set off: it needs time to come near a hand that waits for it.
+    still_s = min(sight.still_s(), (now_ns - state.since_ns) * 1e-9)
+    if still_s > settings.still_after_s and state.near_m > settings.near_m:
         return replace(state, sight=sight.at_rest_here()).counted("ended_still")
     if (now_ns - state.since_ns) * 1e-9 > settings.interaction_s:
         return replace(state, sight=sight.at_rest_here()).counted("ended_too_long")

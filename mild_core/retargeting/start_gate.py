@@ -146,7 +146,7 @@ def _middle(own: dict[str, FloatArray], sight: Sight) -> FloatArray:
 
 
 def _side(own: dict[str, FloatArray], hand_m: FloatArray) -> str:
-    """The side whose forearm the hand is on; the right one where none is known."""
+    """The side whose forearm the hand is on; the right one where none is known. The hand has to be seen now."""
     arms = [side for side in ("right", "left") if f"{side}_forearm" in own]
     if not arms:
         return "right"

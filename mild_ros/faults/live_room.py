@@ -15,7 +15,7 @@ from typing import Any
 from sensor_msgs.msg import JointState
 
 from mild_core.signals import JointMeasurement
-from mild_ros.faults.room import ROBOT, Room
+from mild_ros.faults.room import ROBOT, Room, stage_parameters
 from mild_ros.faults.table import Fault
 from mild_ros.messages.joint_state import joint_measurement_from_msg
 from mild_ros.processes import Nodes
@@ -43,7 +43,8 @@ class LiveRoom(Room):
         self._node.create_subscription(JointState, REPORTED, self._on_measured, SENSOR)
         nodes.start("simulation", {"rate_hz": 50.0}, {"joint_states": REPORTED})
         for name in STAGES:
-            nodes.start(name, {"control_rate_hz": 50.0} if name == "retargeting" else {})
+            rate = {"control_rate_hz": 50.0} if name == "retargeting" else {}
+            nodes.start(name, {**stage_parameters(name), **rate})
 
     def now_ns(self) -> int:
         """The time of the wall."""

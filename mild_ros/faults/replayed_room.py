@@ -14,7 +14,7 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Header
 
 from mild_core.signals import JointMeasurement
-from mild_ros.faults.room import ROBOT, Room
+from mild_ros.faults.room import ROBOT, Room, stage_parameters
 from mild_ros.faults.table import Fault
 from mild_ros.messages.stamps import time_to_msg
 from mild_ros.processes import Nodes
@@ -40,7 +40,8 @@ class ReplayedRoom(Room):
         self._handled = 0
         self._clock = self._node.create_publisher(Clock, "/clock", STATE)
         self._node.create_subscription(Header, "handled", self._on_handled, FATE)
-        nodes.start("pipeline", {"use_sim_time": True, "report_handled": True, "control_rate_hz": CONTROL_HZ})
+        started = {"use_sim_time": True, "report_handled": True, "control_rate_hz": CONTROL_HZ}
+        nodes.start("pipeline", {**stage_parameters("pipeline"), **started})
 
     def now_ns(self) -> int:
         """The time on `/clock`."""

@@ -56,5 +56,5 @@ def two_voices(measured: JointMeasurement, first: JointMeasurement, since_s: flo
 def by_hand(measured: JointMeasurement, first: JointMeasurement, since_s: float) -> JointMeasurement | None:
     """Somebody takes the arm, pushes it aside and holds it there, whatever is commanded."""
     pushed = np.array(first.positions_rad)
-    pushed[0] += BY_HAND_RAD * min(since_s / BY_HAND_S, 1.0)
+    pushed[0] -= BY_HAND_RAD * min(since_s / BY_HAND_S, 1.0)  # away from the person, so that nothing holds it back
     return replace(measured, positions_rad=pushed)

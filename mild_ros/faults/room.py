@@ -29,14 +29,29 @@ from mild_core.shapes import FloatArray
 from mild_core.signals import JointMeasurement
 from mild_ros.faults.encoded_people import EncodedPeople
 from mild_ros.faults.judge import Command
-from mild_ros.faults.people import TRACKER_HZ, Human, People
+from mild_ros.faults.people import HANDSHAKE, TRACKER_HZ, Human, People
 from mild_ros.faults.table import Fault
 from mild_ros.messages.joint_state import joint_measurement_to_msg
 from mild_ros.messages.stamps import ns_from_msg
 from mild_ros.processes import Nodes
 from mild_ros.quality_of_service import LATCHED, STATE
+from mild_ros.scenes import cameras
 
 ROBOT = ROBOTS["yumi"]
+
+
+def stage_parameters(stage: str) -> dict[str, object]:
+    """Parameters of a node: the camera of the scene is measured, and an interaction ends only with the hand.
+
+    The simulated person shakes hands without end, and never raises the hand once more.
+    """
+    given: dict[str, object] = {}
+    if stage in ("pipeline", "perception"):
+        given["robot_from_camera"] = cameras(HANDSHAKE)["yumi"]
+    if stage in ("pipeline", "retargeting"):
+        given["interaction_s"] = 3600.0
+    return given
+
 
 START_S = 300.0
 """For nodes to start: the first start compiles, and a busy machine takes its time."""

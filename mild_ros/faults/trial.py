@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -35,6 +35,13 @@ OTHER_STOPS = tuple(f"retargeting {why}" for why in ("gap", "displaced", "robot_
 
 A_WHILE_NS = 250_000_000
 """Who does not move for so long has come to rest."""
+
+
+AT_ONCE_S = 8.0
+"""A person whose robot does not follow for so long lowers the hand and tries again."""
+
+MADE_WAY = "retargeting yielded"
+"""Counted when the arm moves away from a body."""
 
 
 @dataclass(frozen=True)
@@ -110,14 +117,14 @@ def tried(room: Room, fault: Fault) -> Outcome:
 
 
 def _tried(room: Room, fault: Fault) -> Outcome:
-    if not room.until(lambda: room.follows, RECOVERY_S):
+    if not _recovers(room, lambda: room.follows):
         return Outcome(fault, (), ("the robot did not follow before it",))
     first, before = len(room.commands), room.counts()
     with room.suffering(fault) as begun_ns:
         end_ns = begun_ns + round(fault.lasts_s * 1e9)
         room.until(lambda: room.now_ns() >= end_ns, 2.0 * fault.lasts_s)
         put_rad, ended_ns = room.heard_rad, room.now_ns()
-    recovered = room.until(lambda: room.follows and room.commands[-1].stamp_ns > ended_ns, RECOVERY_S)
+    recovered = _recovers(room, lambda: room.follows and room.commands[-1].stamp_ns > ended_ns)
     recovery_s = (room.commands[-1].stamp_ns - ended_ns) * 1e-9 if recovered else None
     room.read_reports()
     after = room.counts()
@@ -126,7 +133,8 @@ def _tried(room: Room, fault: Fault) -> Outcome:
     missed += [] if recovered else [f"no recovery within {RECOVERY_S:g} s: {room.mode}"]
     left_ns = next((at for at, mode in room.modes if begun_ns < at <= ended_ns and mode != "following"), None)
     during = room.commands_between(first, begun_ns, ended_ns)
-    rest_s = _rest_s(fault.answer, during, begun_ns, left_ns)
+    made_way = after.get(MADE_WAY, 0) > before.get(MADE_WAY, 0)
+    rest_s = _rest_s(fault.answer, during, begun_ns, left_ns, made_way=made_way)
     missed += _complaints(fault, during, rest_s, put_rad)
     commands = room.commands[max(first - 3, 0) :]
     broken = tuple(problems(ROBOT, commands))
@@ -134,9 +142,23 @@ def _tried(room: Room, fault: Fault) -> Outcome:
     return Outcome(fault, broken, tuple(missed), rest_s, recovery_s, counted, others, len(commands))
 
 
-def _rest_s(answer: Answer, during: Sequence[Command], begun_ns: int, left_ns: int | None) -> float | None:
-    """When the robot came to rest, or where it goes on or gives way, when it ceased to follow; None for never."""
-    if answer in ("goes on", "gives way"):
+def _recovers(room: Room, happened: Callable[[], bool]) -> bool:
+    """Whether the robot follows again: at once, or when the person lowers the hand and raises it once more."""
+    if room.until(happened, AT_ONCE_S):
+        return True
+    room.human.begin_anew()
+    return room.until(happened, RECOVERY_S)
+
+
+def _rest_s(
+    answer: Answer, during: Sequence[Command], begun_ns: int, left_ns: int | None, *, made_way: bool
+) -> float | None:
+    """When the robot came to rest; None for never.
+
+    Where it goes on or gives way, or makes way for a person who is not seen and so may be anywhere near, it is when it
+    ceased to follow.
+    """
+    if answer in ("goes on", "gives way") or (made_way and left_ns is not None):
         return None if left_ns is None else (left_ns - begun_ns) * 1e-9
     moving_ns = [begun_ns, *(command.stamp_ns for command in during if command.moves)]
     pauses = [before for before, after in pairwise(moving_ns) if after - before > A_WHILE_NS]
