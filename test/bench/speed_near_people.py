@@ -66,11 +66,15 @@ class Judge:
         base = self._model.getFrameId(YUMI.base_link)
         pinocchio.framesForwardKinematics(self._model, self._data, pinocchio.neutral(self._model))
         self._base = self._data.oMf[base].homogeneous.copy()
-        self._points: dict[int, FloatArray] = {}
-        for solid in read_solids(YUMI.urdf_path):
+        found: dict[int, list[FloatArray]] = {}
+        for solid in (*read_solids(YUMI.urdf_path), *read_solids(YUMI.urdf_path, "visual")):
             frame = self._model.getFrameId(solid.link)
             if self._model.frames[frame].parentJoint > 1:  # the first link turns on the spot
-                self._points[frame] = _surface(solid.kind, solid.size_m) @ solid.origin[:3, :3].T + solid.origin[:3, 3]
+                points = _surface(solid.kind, solid.size_m) @ solid.origin[:3, :3].T + solid.origin[:3, 3]
+                found.setdefault(frame, []).append(points)
+        tool = self._model.getFrameId(YUMI.tool_link)
+        found.setdefault(tool, []).append(np.zeros((1, 3)))
+        self._points = {frame: np.concatenate(points) for frame, points in found.items()}
 
     @property
     def links(self) -> list[slice]:
