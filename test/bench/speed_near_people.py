@@ -257,7 +257,9 @@ def judged(seeds: range, seconds: float, moving: bool, every: int = 1) -> Found:
                 closing = np.einsum("nk,nsk->ns", rates, toward) - np.maximum(bound - np.maximum(coming, 0.0), 0.0)
                 for link in judge.links:
                     nearest_of = far[link].argmin(axis=0), np.arange(far.shape[1])
-                    over = np.where(far[link][nearest_of] < BANDS_M[-1], closing[link][nearest_of], 0.0)
+                    # Inside somebody who ran into the arm there is no way towards them.
+                    apart = far[link][nearest_of]
+                    over = np.where((apart > 0.0) & (apart < BANDS_M[-1]), closing[link][nearest_of], 0.0)
                     beyond = max(beyond, over.max(initial=0.0))
                 found.clear_m = min(found.clear_m, float(far[:, kept].min(initial=np.inf)))
             found.above += fastest > bound
