@@ -1,12 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A robot's body as capsules, from the primitive shapes of its description, and which pairs of them may collide."""
+"""A robot's body as capsules, from the primitive shapes of its description, and which pairs of them may collide.
+
+People meet what they see: near them the shapes that a link shows count like those that it collides with, and its tool.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,7 +25,7 @@ from mild_core.retargeting.chain import (
     mount_of,
     place_capsules,
 )
-from mild_core.retargeting.kinematics import read_tree
+from mild_core.retargeting.kinematics import KinematicTree, read_tree
 from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.urdf import Solid, read_solids
 from mild_core.shapes import FloatArray, read_only
@@ -33,6 +38,12 @@ ROW_DENSITY = 1.5
 
 NEIGHBOURS = 2
 """Links of so many joints apart cannot meet inside the joints' limits, as the middle one is between them."""
+
+FIRST_MET = 2
+"""The first frame whose links meet people: a shoulder, which the first joint turns on the spot, meets nobody."""
+
+SEEN_M = 0.015
+"""What is seen of a link and sticks out by less makes capsules thicker; what sticks out by more gets its own."""
 
 TRIED_POSES, SEED = 500, 7
 NEVER_NEAR_M = 0.05
@@ -48,7 +59,8 @@ class Capsules:
         ends_m: (N, 2, 3) the ends of each axis in that frame.
         sizes_m: (N, 2) radius and half the length of each axis.
         outer_m: (N,) radii with which they hold the corners of the shapes too: for distances to people.
-        pairs: (P, 2) those that may come into collision with each other.
+        pairs: (P, 2) those that may come into collision with each other. What is only seen of a link, and its tool,
+            is in no pair: it counts near people.
     """
 
     mounted: FloatArray
@@ -60,7 +72,7 @@ class Capsules:
     @property
     def moving(self) -> FloatArray:
         """Places of those that the chain moves, without its first joint's: a shoulder meets nobody."""
-        found: FloatArray = np.flatnonzero(self.mounted > 1).astype(np.float64)
+        found: FloatArray = np.flatnonzero(self.mounted >= FIRST_MET).astype(np.float64)
         return found
 
 
@@ -75,26 +87,72 @@ def capsules_of(robot: RobotModel) -> Capsules:
         SetupError: The description is broken.
     """
     tree, chain = read_tree(robot.urdf_path), chain_of(robot)
-    mounted, ends, sizes, outer = [], [], [], []
-    for solid in read_solids(robot.urdf_path):
-        mount = mount_of(robot, tree, solid.link)
-        pose = mount.pose @ solid.origin
-        filled = _filled(solid)
-        beyond_m = _beyond(solid, filled)
-        for start, end, radius in filled:
-            mounted.append(mount.frame)
-            ends.append([pose[:3, :3] @ start + pose[:3, 3], pose[:3, :3] @ end + pose[:3, 3]])
-            sizes.append((radius, float(np.linalg.norm(end - start)) / 2.0))
-            outer.append(radius + beyond_m)
+    found = [made for solid in read_solids(robot.urdf_path) for made in _mounted(robot, tree, solid)]
     tips = [*chain.offsets[1:, :3, 3], chain.tool_m]
     for frame, tip in enumerate(tips, start=1):
-        if frame not in mounted:
-            mounted.append(frame)
-            ends.append([np.zeros(3), tip])
-            sizes.append((BARE_RADIUS_M, float(np.linalg.norm(tip)) / 2.0))
-            outer.append(BARE_RADIUS_M)
-    made = (read_only(np.array(mounted, dtype=np.float64)), read_only(np.array(ends)), read_only(np.array(sizes)))
-    return Capsules(*made, read_only(np.array(outer)), read_only(_pairs(robot, chain, *made)))
+        if all(each.frame != frame for each in found):
+            found.append(_Mounted(frame, np.zeros(3), tip, BARE_RADIUS_M, BARE_RADIUS_M))
+    colliding = len(found)
+    _hold_what_is_seen(found, robot, tree, chain)
+    mounted = read_only(np.array([each.frame for each in found], dtype=np.float64))
+    ends = read_only(np.array([[each.start_m, each.end_m] for each in found]))
+    halves = [float(np.linalg.norm(each.end_m - each.start_m)) / 2.0 for each in found]
+    sizes = read_only(np.array([[each.radius_m, half] for each, half in zip(found, halves, strict=True)]))
+    pairs = _pairs(robot, chain, mounted[:colliding], ends[:colliding], sizes[:colliding])
+    return Capsules(mounted, ends, sizes, read_only(np.array([each.outer_m for each in found])), read_only(pairs))
+
+
+class _Mounted(NamedTuple):
+    """One capsule in the frame of the chain that it moves with."""
+
+    frame: int
+    start_m: FloatArray
+    end_m: FloatArray
+    radius_m: float
+    outer_m: float
+
+    def beyond_m(self, points_m: FloatArray) -> FloatArray:
+        """(P,) how far points (P, 3) of the same frame stick out of it [m]; negative inside."""
+        along = self.end_m - self.start_m
+        shares = np.clip((points_m - self.start_m) @ along / max(float(along @ along), 1e-12), 0.0, 1.0)
+        apart: FloatArray = np.linalg.norm(points_m - self.start_m - shares[:, None] * along, axis=1)
+        return apart - self.outer_m
+
+
+def _hold_what_is_seen(found: list[_Mounted], robot: RobotModel, tree: KinematicTree, chain: Chain) -> None:
+    """Make capsules thicker, or add some, until they hold what links show, and the tool.
+
+    A shape that sticks out by less than `SEEN_M` makes those thicker that it sticks out of: few are quick to look at.
+    """
+    tool = _Mounted(len(chain.columns), chain.tool_m, chain.tool_m, 0.0, 0.0)
+    seen = [([tool], chain.tool_m[None])]
+    for solid in read_solids(robot.urdf_path, "visual"):
+        made = list(_mounted(robot, tree, solid))
+        pose = mount_of(robot, tree, solid.link).pose @ solid.origin
+        seen.append((made, _surface(solid) @ pose[:3, :3].T + pose[:3, 3]))
+    for made, points in sorted(seen, key=lambda each: -each[0][0].outer_m):
+        holding = [place for place, other in enumerate(found) if other.frame == made[0].frame]
+        if made[0].frame < FIRST_MET:
+            continue
+        beyond = np.array([found[place].beyond_m(points) for place in holding])
+        if beyond.min(axis=0).max() > SEEN_M:
+            found.extend(made)
+            continue
+        for point, nearest in enumerate(beyond.argmin(axis=0).tolist()):
+            one = found[holding[nearest]]
+            thicker_m = max(0.0, float(one.beyond_m(points[point : point + 1])[0]))
+            found[holding[nearest]] = one._replace(outer_m=one.outer_m + thicker_m)
+
+
+def _mounted(robot: RobotModel, tree: KinematicTree, solid: Solid) -> Iterator[_Mounted]:
+    """The capsules of a solid, where it hangs on the chain."""
+    mount = mount_of(robot, tree, solid.link)
+    pose = mount.pose @ solid.origin
+    filled = _filled(solid)
+    beyond_m = _beyond(solid, filled)
+    for start, end, radius in filled:
+        first, second = (pose[:3, :3] @ point + pose[:3, 3] for point in (start, end))
+        yield _Mounted(mount.frame, first, second, radius, radius + beyond_m)
 
 
 def _filled(solid: Solid) -> list[tuple[FloatArray, FloatArray, float]]:
@@ -129,6 +187,18 @@ def _beyond(solid: Solid, filled: list[tuple[FloatArray, FloatArray, float]]) ->
         shares = np.clip((corners - start) @ along / max(float(along @ along), 1e-12), 0.0, 1.0)
         outside.append(np.linalg.norm(corners - start - shares[:, None] * along, axis=1) - radius)
     return max(0.0, float(np.min(outside, axis=0).max()))
+
+
+def _surface(solid: Solid) -> FloatArray:
+    """(P, 3) points on the surface of a solid, in its own frame: those farthest out, and some between."""
+    if solid.kind == "box":
+        return np.array(list(product((-0.5, 0.0, 0.5), repeat=3))) * solid.size_m
+    around = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
+    ring = solid.size_m[0] * np.stack([np.cos(around), np.sin(around), np.zeros(16)], axis=1)
+    if solid.kind == "sphere":
+        return np.concatenate([ring, ring[:, [1, 2, 0]], ring[:, [2, 0, 1]]])
+    along = np.array([0.0, 0.0, solid.size_m[1]])
+    return np.concatenate([ring + share * along for share in (-0.5, 0.0, 0.5)])
 
 
 def _pairs(robot: RobotModel, chain: Chain, mounted: FloatArray, ends_m: FloatArray, sizes_m: FloatArray) -> FloatArray:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -138,15 +139,16 @@ def obstacles_of(
     age_s = max(0.0, (now_ns - crowd.stamp_ns) * 1e-9)
     if age_s > KEPT_S:
         return NOBODY
-    segments, ends, velocities = crowd.segments, crowd.segments.ends_m, crowd.segments.velocities_m_s
-    unsure_m = 0.0
+    segments, unsure_m = crowd.segments, 0.0
     if crowd.frame_id == ARM_FRAME:
         if standing is None:
             return NOBODY
-        place = place_m or standing.place_m
-        ends = standing.placed(ends, crowd.frame_id, place)
-        velocities = standing.placed(velocities, crowd.frame_id, (0.0, 0.0, 0.0))
+        places = [place_m or standing.place_m]
+        if not settings.allow_unmeasured_contact:  # who allows it says that people stand on a mark
+            places += standing.others(places[0])
+        segments = _at_places(segments, standing, places)
         unsure_m = settings.placement_uncertainty_m
+    ends, velocities = segments.ends_m, segments.velocities_m_s
     ahead_s = min(age_s + settings.look_ahead_s, HORIZON_S)
     ends = ends + ahead_s * velocities
     radii = segments.radii_m + min(max(age_s - AGED_S, 0.0) * AGED_M_S, AGED_MOST_M)
@@ -169,6 +171,19 @@ def obstacles_of(
         zones,
         max(0.0, HORIZON_S - ahead_s),
         offered,
+    )
+
+
+def _at_places(segments: BodySegments, standing: Standing, places_m: Sequence[Point]) -> BodySegments:
+    """Segments relative to a person, at each of the places where that person may stand, in the base frame."""
+    ends = [standing.placed(segments.ends_m, ARM_FRAME, place) for place in places_m]
+    velocities = standing.placed(segments.velocities_m_s, ARM_FRAME, (0.0, 0.0, 0.0))
+    return BodySegments(
+        segments.people * len(ends),
+        segments.parts * len(ends),
+        read_only(np.concatenate(ends)),
+        read_only(np.concatenate([velocities] * len(ends))),
+        read_only(np.concatenate([segments.radii_m] * len(ends))),
     )
 
 

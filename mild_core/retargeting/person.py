@@ -71,6 +71,10 @@ class Standing:
         x, y, z = (start + share * (end - start) for start, end in zip(before_m, wanted, strict=True))
         return x, y, z
 
+    def others(self, place_m: Point) -> tuple[Point, ...]:
+        """All other places where the model's people stand: an interaction may be recognised late, or be another."""
+        return tuple(dict.fromkeys(each for each in self.by_interaction.values() if each != place_m))
+
     def placed(self, points_m: FloatArray, frame_id: str, place_m: Point) -> FloatArray:
         """(..., 3) points of `frame_id` in the robot's base frame, for a person who stands at `place_m`."""
         if frame_id == ROBOT_FRAME:

@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Literal, TypeVar
 from xml.etree import ElementTree
 
 import numpy as np
@@ -73,7 +73,7 @@ class Joint:
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """One body of primitive shape that a link collides with.
+    """One body of primitive shape that a link collides with, or looks like.
 
     Attributes:
         link: Whose it is.
@@ -121,15 +121,15 @@ def read_joints(path: Path) -> tuple[Joint, ...]:
     return _read(path, lambda root: tuple(_joint(element) for element in root.findall("joint")))
 
 
-def read_solids(path: Path) -> tuple[Solid, ...]:
-    """What the links of the description at `path` collide with; meshes are passed over.
+def read_solids(path: Path, tag: Literal["collision", "visual"] = "collision") -> tuple[Solid, ...]:
+    """What the links of the description at `path` collide with, or look like; meshes are passed over.
 
     Raises:
         SetupError: The file is missing, too large or no URDF.
 
     Source: the URDF specification, http://wiki.ros.org/urdf/XML
     """
-    return _read(path, lambda root: tuple(solid for link in root.findall("link") for solid in _solids(link)))
+    return _read(path, lambda root: tuple(solid for link in root.findall("link") for solid in _solids(link, tag)))
 
 
 def read_description(path: Path) -> ElementTree.Element:
@@ -235,8 +235,8 @@ def _finite(
     return numbers
 
 
-def _solids(link: ElementTree.Element) -> Iterator[Solid]:
-    for element in link.findall("collision"):
+def _solids(link: ElementTree.Element, tag: str) -> Iterator[Solid]:
+    for element in link.findall(tag):
         for kind, sizes in SHAPES.items():
             shape = element.find(f"geometry/{kind}")
             if shape is None:

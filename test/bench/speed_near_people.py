@@ -66,11 +66,15 @@ class Judge:
         base = self._model.getFrameId(YUMI.base_link)
         pinocchio.framesForwardKinematics(self._model, self._data, pinocchio.neutral(self._model))
         self._base = self._data.oMf[base].homogeneous.copy()
-        self._points: dict[int, FloatArray] = {}
-        for solid in read_solids(YUMI.urdf_path):
+        found: dict[int, list[FloatArray]] = {}
+        for solid in (*read_solids(YUMI.urdf_path), *read_solids(YUMI.urdf_path, "visual")):
             frame = self._model.getFrameId(solid.link)
             if self._model.frames[frame].parentJoint > 1:  # the first link turns on the spot
-                self._points[frame] = _surface(solid.kind, solid.size_m) @ solid.origin[:3, :3].T + solid.origin[:3, 3]
+                points = _surface(solid.kind, solid.size_m) @ solid.origin[:3, :3].T + solid.origin[:3, 3]
+                found.setdefault(frame, []).append(points)
+        tool = self._model.getFrameId(YUMI.tool_link)
+        found.setdefault(tool, []).append(np.zeros((1, 3)))
+        self._points = {frame: np.concatenate(points) for frame, points in found.items()}
 
     @property
     def links(self) -> list[slice]:
@@ -253,7 +257,9 @@ def judged(seeds: range, seconds: float, moving: bool, every: int = 1) -> Found:
                 closing = np.einsum("nk,nsk->ns", rates, toward) - np.maximum(bound - np.maximum(coming, 0.0), 0.0)
                 for link in judge.links:
                     nearest_of = far[link].argmin(axis=0), np.arange(far.shape[1])
-                    over = np.where(far[link][nearest_of] < BANDS_M[-1], closing[link][nearest_of], 0.0)
+                    # Inside somebody who ran into the arm there is no way towards them.
+                    apart = far[link][nearest_of]
+                    over = np.where((apart > 0.0) & (apart < BANDS_M[-1]), closing[link][nearest_of], 0.0)
                     beyond = max(beyond, over.max(initial=0.0))
                 found.clear_m = min(found.clear_m, float(far[:, kept].min(initial=np.inf)))
             found.above += fastest > bound

@@ -127,6 +127,22 @@ FAULTS = (
         GUARD,
     ),
     Fault(
+        "an arm without what is only seen of it",
+        "People are kept away from what collides, and not from fingers, collars and the tool.",
+        f"{HERE}/capsules.py",
+        "    _hold_what_is_seen(found, robot, tree, chain)\n",
+        "",
+        GUARD,
+    ),
+    Fault(
+        "shapes that make no capsule thicker",
+        "What sticks out a little of what collides is not kept from people.",
+        f"{HERE}/capsules.py",
+        "outer_m=one.outer_m + thicker_m",
+        "outer_m=one.outer_m",
+        GUARD,
+    ),
+    Fault(
         "people go on for ever",
         "A person goes on at their velocity all along a stop.",
         f"{HERE}/clearance.py",
@@ -210,8 +226,8 @@ FAULTS = (
         "velocities placed like points",
         "The velocity of somebody whose place is a guess holds that place.",
         f"{HERE}/obstacles.py",
-        "velocities = standing.placed(velocities, crowd.frame_id, (0.0, 0.0, 0.0))",
-        "velocities = standing.placed(velocities, crowd.frame_id, place)",
+        "velocities = standing.placed(segments.velocities_m_s, ARM_FRAME, (0.0, 0.0, 0.0))",
+        "velocities = standing.placed(segments.velocities_m_s, ARM_FRAME, places_m[0])",
         OBSTACLES,
     ),
     Fault(
@@ -220,6 +236,14 @@ FAULTS = (
         f"{HERE}/obstacles.py",
         "keep = np.full(len(radii), settings.keep_out_m + unsure_m)",
         "keep = np.full(len(radii), settings.keep_out_m)",
+        OBSTACLES,
+    ),
+    Fault(
+        "only one of the model's places",
+        "Where the camera is not measured people stand where the interaction recognised now has them, nowhere else.",
+        f"{HERE}/obstacles.py",
+        "places += standing.others(places[0])",
+        "places += ()",
         OBSTACLES,
     ),
     Fault(

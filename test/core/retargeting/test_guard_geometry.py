@@ -4,18 +4,30 @@
 from __future__ import annotations
 
 import math
+from itertools import product
 
 import numpy as np
 import pytest
 
 from mild_core.retargeting.capsules import capsules_of
-from mild_core.retargeting.chain import chain_of, frames_of, least_clearance, place_capsules
+from mild_core.retargeting.chain import (
+    chain_of,
+    frames_of,
+    least_clearance,
+    mount_of,
+    nearest_points,
+    place_capsules,
+)
 from mild_core.retargeting.clearance import BREACHES, LEAST_M_S, LOOK_SELF_M, find_breach, path_bounds
 from mild_core.retargeting.guard import APART_M, HAND_ROOM_M, ROUNDING, TOO_FAST, UNPACED_M, Guard
+from mild_core.retargeting.kinematics import read_tree
 from mild_core.retargeting.limiter import JointMotion, Limiter
-from mild_core.retargeting.obstacles import Obstacles
+from mild_core.retargeting.obstacles import NOBODY, Obstacles
+from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.robots import ROBOTS
 from mild_core.retargeting.robots.yumi import YUMI
 from mild_core.retargeting.settings import RetargetingSettings
+from mild_core.retargeting.urdf import Solid, read_solids
 
 SETTINGS = RetargetingSettings()
 CHAIN, CAPSULES = chain_of(YUMI), capsules_of(YUMI)
@@ -57,6 +69,50 @@ def scene(seed: int) -> tuple[np.ndarray, np.ndarray, Obstacles]:
     ends = tool + rng.normal(0.0, 0.25, (3, 1, 3)) + rng.normal(0.0, 0.15, (3, 2, 3))
     velocities = np.repeat(rng.normal(0.0, 0.5, (3, 1, 3)), 2, axis=1)
     return pose, rng.normal(0.0, 0.6, 7), among(ends, velocities, np.array([0.05, 0.1, 0.02]))
+
+
+def outside_m(robot: RobotModel, solid: Solid) -> float:
+    """How far corners and rims of a solid stick out of all capsules that move with its link [m]."""
+    capsules, tree = capsules_of(robot), read_tree(robot.urdf_path)
+    mount = mount_of(robot, tree, solid.link)
+    if mount.frame < 2:  # the shoulder, or what does not move
+        return 0.0
+    if solid.kind == "box":
+        local = np.array(list(product((-0.5, -0.2, 0.2, 0.5), repeat=3))) * solid.size_m
+    elif solid.kind == "cylinder":
+        around = np.linspace(0.0, 2.0 * np.pi, 23)
+        rim = solid.size_m[0] * np.stack([np.cos(around), np.sin(around), np.zeros(23)], axis=1)
+        local = np.concatenate([rim + np.array([0.0, 0.0, z * solid.size_m[1]]) for z in (-0.5, -0.2, 0.2, 0.5)])
+    else:
+        local = solid.size_m[0] * np.concatenate([np.eye(3), -np.eye(3)])
+    pose = mount.pose @ solid.origin
+    points = local @ pose[:3, :3].T + pose[:3, 3]
+    held = []
+    for part in np.flatnonzero(capsules.mounted == mount.frame):
+        start, end = capsules.ends_m[part]
+        far = [nearest_points(point, point, start, end)[0] for point in points]
+        held.append(np.array(far) - capsules.outer_m[part])
+    return float(np.min(held, axis=0).max())
+
+
+@pytest.mark.parametrize("robot", ROBOTS.values(), ids=list(ROBOTS))
+def test_people_are_kept_from_all_that_the_arm_shows_and_collides_with_and_its_tool(robot: RobotModel) -> None:
+    shapes = [*read_solids(robot.urdf_path), *read_solids(robot.urdf_path, "visual")]
+    for solid in shapes:
+        assert outside_m(robot, solid) < 0.004, solid
+    capsules, tool_m = capsules_of(robot), chain_of(robot).tool_m
+    last = np.flatnonzero(capsules.mounted == len(robot.joint_names))
+    held = [nearest_points(tool_m, tool_m, *capsules.ends_m[part])[0] - capsules.outer_m[part] for part in last]
+    assert min(held) < 1e-6
+
+
+@pytest.mark.parametrize("robot", ROBOTS.values(), ids=list(ROBOTS))
+def test_no_tool_is_faster_than_the_guard_says(robot: RobotModel) -> None:
+    guard, rng = Guard(robot, SETTINGS), np.random.default_rng(3)
+    for _ in range(50):
+        pose, rates = rng.uniform(robot.lower_rad, robot.upper_rad), rng.normal(0.0, 1.0, len(robot.joint_names))
+        tool_m_s = (guard.chain.tool(pose + STEP_S * rates) - guard.chain.tool(pose - STEP_S * rates)) / (2.0 * STEP_S)
+        assert guard.arm_speed(pose, rates, NOBODY) > np.linalg.norm(tool_m_s) - 1e-6
 
 
 @pytest.mark.parametrize("seed", range(6))

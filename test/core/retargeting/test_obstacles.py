@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -87,6 +88,22 @@ def test_people_whose_place_is_a_guess_are_placed_and_kept_from_by_all_that_it_m
     assert after(0.0, crowd(ARM_FRAME)) is NOBODY
     moved = obstacles_of(crowd(ARM_FRAME), SETTINGS, standing, (0.5, 0.2, 0.6), NOWHERE, START_NS)
     np.testing.assert_allclose(moved.ends_m - found.ends_m, np.broadcast_to([-0.5, 0.0, 0.0], moved.ends_m.shape))
+
+
+def test_people_whose_place_is_a_guess_stand_at_every_place_of_the_model() -> None:
+    standing = Standing((1.0, 0.2, 0.6), math.pi, {"handshake": (0.9, 0.1, 0.7), "rocket": (0.8, 0.0, 0.9)})
+    given, count = crowd(ARM_FRAME), 22
+    found = obstacles_of(given, SETTINGS, standing, (0.9, 0.1, 0.7), NOWHERE, START_NS)
+    assert len(found.people) == 2 * count
+    assert found.people == 2 * given.segments.people
+    assert found.parts == 2 * given.segments.parts
+    away = np.broadcast_to([-0.1, -0.1, 0.2], (count, 2, 3))
+    np.testing.assert_allclose(found.ends_m[count:] - found.ends_m[:count], away, atol=1e-9)
+    assert len(obstacles_of(given, SETTINGS, standing, None, NOWHERE, START_NS).people) == 3 * count
+    # On a mark, or seen by a measured camera, they stand in one place.
+    marked = replace(SETTINGS, allow_unmeasured_contact=True)
+    assert len(obstacles_of(given, marked, standing, None, NOWHERE, START_NS).people) == count
+    assert len(obstacles_of(crowd(), SETTINGS, standing, None, NOWHERE, START_NS).people) == count
 
 
 def test_only_the_watched_forearm_with_the_hand_in_it_may_be_touched() -> None:
