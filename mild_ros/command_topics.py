@@ -24,6 +24,9 @@ FOREIGN_TYPES = (
 )
 """Types of other software that only commands have."""
 
+MEASURED_NAMES = ("joint_states", "belief")
+"""Last parts of names of topics that have the type of a command, and are none."""
+
 
 def command_types() -> dict[str, str]:
     """Every topic on which our nodes may command a robot, and the type of its messages."""
@@ -37,3 +40,13 @@ def commands_a_robot(topic: str, type_name: str) -> bool:
         return True
     own = {name for name in types.values() if name.split("/")[0] not in GENERAL_PACKAGES}
     return type_name in own or type_name in FOREIGN_TYPES
+
+
+def may_command_a_robot(topic: str, type_name: str) -> bool:
+    """Whether a topic of a bag commands a robot, or may: it has the type of a command, and its name says nothing.
+
+    Commands may be remapped to any name, and a recorder writes down that name.
+    """
+    if commands_a_robot(topic, type_name):
+        return True
+    return type_name in command_types().values() and topic.rstrip("/").split("/")[-1] not in MEASURED_NAMES

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from mild_core.printable import printable, printable_lines
+from mild_core.printable import printable
 from mild_ros.clock import steady_clock
 from mild_ros.guarded import GuardedNode
 from mild_ros.measuring import Spread, Stream
@@ -22,6 +22,9 @@ SILENCE_S = 1.0
 
 REPEAT_S = 5.0
 """The same complaint is logged again no sooner than this."""
+
+LONGEST = 2000
+"""Characters of a message at most: one line, whatever foreign text it quotes."""
 
 FAILURE_S = 10.0
 """A failure of a callback is an ERROR for so long."""
@@ -135,7 +138,7 @@ class Diagnostics:
             values = self._values(now_s)
             self._unusable.clear()
         message = "; ".join(problems) or self.summary
-        status = DiagnosticStatus(level=level, message=printable_lines(message), hardware_id=self._hardware_id)
+        status = DiagnosticStatus(level=level, message=printable(message, LONGEST), hardware_id=self._hardware_id)
         status.name = self._node.get_fully_qualified_name().lstrip("/")
         status.values = [KeyValue(key=printable(key), value=printable(value)) for key, value in values.items()]
         stamp = time_to_msg(self._node.get_clock().now().nanoseconds)

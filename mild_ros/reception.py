@@ -36,6 +36,9 @@ NOTICE_NS = 100_000_000
 PAUSE_SHARE = 2.0
 """After messages had to be dropped reception sleeps twice as long as it has worked: control needs the lock too."""
 
+FAILED_PAUSE_S = 0.01
+"""A fault of ours in reception costs what had come; the next attempt follows after this time."""
+
 LEAST_PAUSE_S, LONGEST_PAUSE_S = 0.001, 0.005
 """Bounds of the sleep after messages had to be dropped: a flood never adds more than this to the age of a message."""
 
@@ -103,24 +106,33 @@ class Reception:
         if not count:
             return
         waiting = rclpy_implementation.WaitSet(count, 0, 0, 0, 0, 0, self._node.context.handle)
+        receive = self._node.guard("reception", self._receive)
         while not self._node.ending.is_set():
-            waiting.clear_entities()
-            for entry in self._inputs:
-                waiting.add_subscription(entry.subscription.handle)
-            waiting.wait(NOTICE_NS)
-            ready = set(waiting.get_ready_entities("subscription"))
-            if not ready:
-                continue
-            started_s = time.monotonic()
-            dropped = 0
-            for entry in self._inputs:
-                if entry.subscription.handle.pointer in ready:
-                    dropped += self._take(entry)
-            self._hand_on()
-            if dropped:
-                worked_s = time.monotonic() - started_s
-                pause_s = min(max(PAUSE_SHARE * worked_s, LEAST_PAUSE_S), LONGEST_PAUSE_S)
+            pause_s = receive(waiting)
+            if pause_s is None:
+                pause_s = FAILED_PAUSE_S
+            if pause_s:
                 self._node.ending.wait(pause_s)
+
+    def _receive(self, waiting: Any) -> float:
+        """Wait for messages and hand on what has come; for how long to sleep then [s]."""
+        waiting.clear_entities()
+        for entry in self._inputs:
+            waiting.add_subscription(entry.subscription.handle)
+        waiting.wait(NOTICE_NS)
+        ready = set(waiting.get_ready_entities("subscription"))
+        if not ready:
+            return 0.0
+        started_s = time.monotonic()
+        dropped = 0
+        for entry in self._inputs:
+            if entry.subscription.handle.pointer in ready:
+                dropped += self._take(entry)
+        self._hand_on()
+        if not dropped:
+            return 0.0
+        worked_s = time.monotonic() - started_s
+        return min(max(PAUSE_SHARE * worked_s, LEAST_PAUSE_S), LONGEST_PAUSE_S)
 
     def _take(self, entry: _Input) -> int:
         """Take what is there of a topic; how many messages there are no place for."""

@@ -24,7 +24,7 @@ from mild_ros.bag_budgets import OverBudgetError, TimeBudget
 from mild_ros.bag_people import skeleton_feeds
 from mild_ros.bag_writer import BagWriter, create_bag
 from mild_ros.bags import BagReader, RawMessage, open_bag, topic_of_type
-from mild_ros.command_topics import JOINT_COMMAND, commands_a_robot
+from mild_ros.command_topics import JOINT_COMMAND, commands_a_robot, may_command_a_robot
 from mild_ros.controller_messages import ControllerMessages
 from mild_ros.controllers import OUTPUTS
 from mild_ros.encoding import encode, type_name_of
@@ -39,7 +39,7 @@ from mild_ros.replay_events import JOINT_STATES, SKELETON, TAKEN, TRUE_MOTION, E
 JOINT_STATE_TYPE = "sensor_msgs/msg/JointState"
 
 NEVER_WITH_ALL = ("clock", "handled", JOINT_STATES)
-"""`all` leaves out what a replay sends itself. Nothing that commands a robot is ever sent."""
+"""`all` leaves out what a replay sends itself, and what may be a command. What is one is never sent."""
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ class Inputs:
     def _others(self, bag: BagReader) -> list[str]:
         if self.also == ("all",):
             apart = {f"/{name}" for name in NEVER_WITH_ALL} | {
-                topic for topic, summary in bag.topics.items() if commands_a_robot(topic, summary.type_name)
+                topic for topic, summary in bag.topics.items() if may_command_a_robot(topic, summary.type_name)
             }
             return [topic for topic in bag.topics if topic not in apart]
         others = [topic_of_type(bag, "", topic) for topic in self.also]

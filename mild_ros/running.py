@@ -175,7 +175,7 @@ def _spin(node: Node, interruption: _Interruption) -> None:
         if beside is not None:
             beside.start_threads()
         with suppress(ExternalShutdownException):
-            while rclpy.ok() and not interruption.wanted and not (beside and beside.ending.is_set()):
+            while rclpy.ok() and not interruption.wanted and not (beside and beside.failure):
                 executor.spin_once(timeout_sec=_NOTICE_S)
         if beside is not None and beside.failure is not None:
             raise beside.failure

@@ -64,25 +64,25 @@ class StageNode(GuardedNode):
         self._finishing.append(finish)
 
     def start_threads(self) -> None:
-        """Start what runs beside the executor; an error in it ends the node as one in a callback does."""
+        """Start what runs beside the executor; an error in it ends the node, and the other threads finish first."""
 
         def guarded(body: Callable[[], None]) -> None:
             try:
                 body()
             except BaseException as error:
                 if not self.ending.is_set():
-                    self.failure = error
-                    self.ending.set()
+                    self.failure = self.failure or error
 
         for name, body in self._bodies:
             self._threads.append(threading.Thread(target=guarded, args=(body,), name=name, daemon=True))
             self._threads[-1].start()
 
     def stop_threads(self) -> None:
-        """End all threads, before the node is destroyed; where nothing has failed, what they do is finished first."""
+        """End all threads, before the node is destroyed; each that still runs finishes what it does first."""
         try:
-            for finish in self._finishing if self._threads and not self.ending.is_set() else ():
-                finish()
+            for thread, finish in zip(self._threads, self._finishing, strict=False):
+                if thread.is_alive():
+                    self.guard(thread.name, finish)()
         finally:
             self.ending.set()
         for thread in self._threads:

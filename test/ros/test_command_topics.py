@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray, String
+from std_msgs.msg import Float64MultiArray, Header, String
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
@@ -65,7 +65,7 @@ def test_a_command_is_not_replayed_by_name_either(tmp_path: Path, topic: str) ->
 @pytest.mark.parametrize(
     ("type_name", "message", "topics"),
     [
-        ("std_msgs/msg/String", String(), {"/new_output", "/left/new_output"}),
+        ("std_msgs/msg/Header", Header(), {"/new_output", "/left/new_output"}),
         ("trajectory_msgs/msg/JointTrajectoryPoint", None, {"/new_output", "/elsewhere"}),
     ],
 )
@@ -83,6 +83,14 @@ def test_a_new_output_is_never_replayed(
     monkeypatch.setitem(OUTPUTS, output.topic, output)
     assert sent(bag, "all") == set(HARMLESS)
     assert "new_output" in command_types()
+
+
+def test_a_command_that_was_remapped_is_not_among_all(tmp_path: Path) -> None:
+    remapped = {"/arm/setpoints": JointState(), "/forward/targets": Float64MultiArray()}
+    measured = {"/left/joint_states": JointState(), "/belief": Float64MultiArray()}
+    bag = bag_of(tmp_path, remapped | measured)
+    assert sent(bag, "all") == set(measured)
+    assert sent(bag, "/arm/setpoints") == {"/arm/setpoints"}, "who names it knows what it is"
 
 
 def test_every_output_commands_a_robot_in_any_namespace() -> None:

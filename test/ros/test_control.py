@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -26,7 +28,7 @@ from mild_ros.messages.joint_state import joint_measurement_to_msg
 from mild_ros.messages.motion import motion_state_to_msg, motion_to_msg
 from mild_ros.messages.stamps import ns_from_msg, time_to_msg
 from mild_ros.quality_of_service import SERVICE
-from test.ros.processes import NodeProcess, Probe
+from test.ros.processes import END_S, NodeProcess, Probe
 from test.ros.surroundings import ERROR, YUMI, Surroundings
 
 pytestmark = pytest.mark.slow
@@ -291,3 +293,51 @@ def test_commands_wait_until_others_would_have_been_seen(start: Callable[..., No
     mover.until(lambda: mover.came_s, "commands")
     assert mover.came_s[0] - started_s >= DISCOVERY_S
     assert "no other publisher of commands within" in node.output(), "however long it took to start"
+
+
+PLANTED = """
+import signal, sys
+from mild_ros import commanding, life_topics, reception, retargeting_node
+where, name, error = sys.argv.pop(1).split(":")
+kind = {"commanding": commanding.Commanding, "life": life_topics.LifeTopics, "reception": reception.Reception}[where]
+sound, planted = getattr(kind, name), []
+def faulty(*given):
+    if planted:
+        raise {"RuntimeError": RuntimeError, "SystemExit": SystemExit}[error]("planted")
+    return sound(*given)
+setattr(kind, name, faulty)
+signal.signal(signal.SIGUSR1, lambda *_: planted.append(True))
+retargeting_node.main()
+"""
+
+
+@pytest.mark.parametrize(
+    "where", ["commanding:watch", "life:serve_hold", "reception:_take", "reception:_take:SystemExit"]
+)
+def test_no_fault_of_ours_in_a_thread_ends_commands_without_the_smooth_stop(
+    where: str, mover: Mover, tmp_path: Path
+) -> None:
+    where, ends = (where, True) if where.count(":") == 2 else (f"{where}:RuntimeError", False)
+    log = tmp_path / "planted.log"
+    with log.open("w") as output:
+        process = subprocess.Popen([sys.executable, "-c", PLANTED, where], stdout=output, stderr=subprocess.STDOUT)
+    try:
+        mover.connect()
+        mover.until(lambda: mover.moves, "the robot moves")
+        first = len(mover.commands)
+        process.send_signal(signal.SIGUSR1)
+        if ends:
+            mover.until(lambda: process.poll() is not None, "the node ends")
+            assert process.returncode != 0
+            assert "planted" in log.read_text()
+        else:
+            mover.until(lambda: mover.status()[0] == ERROR and "planted" in mover.status()[1], "the fault is an ERROR")
+            count = len(mover.commands)
+            mover.until(lambda: len(mover.commands) > count + 50, "commands go on")
+            process.send_signal(signal.SIGTERM)
+            assert process.wait(END_S) == 0, log.read_text()
+        mover.until(mover.rests, "the last command is at rest", 2.0)
+        assert mover.judged(first - 20) == []
+    finally:
+        process.kill()
+        process.wait()

@@ -33,6 +33,7 @@ class Fragile(GuardedNode):
         self.taken: list[str] = []
         self.lost = 0
         self.diagnostics = Diagnostics(self, ())
+        self.diagnostics.alarms["frame"] = (DiagnosticStatus.WARN, "in frame 'camera\r\n[INFO] all is well'")
         self.on_lost = self._count
         self.create_subscription(String, "words", self._on_word, 50)
         self.create_service(Trigger, "~/break", self._on_break)
@@ -102,6 +103,7 @@ def test_whatever_a_callback_raises_is_counted_and_the_node_goes_on(spun: Any) -
     status = until(reported, "a report")
     assert status.level == DiagnosticStatus.ERROR
     assert "on_time OSError: no room" in status.message
+    assert "in frame 'camera\\x0d\\x0a[INFO] all is well'" in status.message, "a foreign line is no line of ours"
     assert "ValueError: \\x1b[31mcannot convert" in status.message
     values = {pair.key: pair.value for pair in status.values}
     assert int(values["messages unusable"]) >= 3
