@@ -218,7 +218,7 @@ def test_every_message_begins_by_its_sending_and_is_short() -> None:
     for message in stream_of("handshake").messages:
         assert message.times_s[0] <= message.sent_s, "a controller that gets it at once samples its points directly"
         assert np.all(np.diff(message.times_s) > 0.0)
-        assert np.all(message.velocities_rad_s[-1] == 0.0)
+        assert np.abs(message.velocities_rad_s[-1]).max() < 1e-9  # rest, but for rounding
         assert len(message.times_s) < 100
     sent = np.array([message.sent_s for message in stream_of("handshake").messages])
     assert np.diff(sent).max() < 0.021, "one at least every 50 ms"
