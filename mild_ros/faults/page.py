@@ -16,8 +16,9 @@ other, without a restart in between: a fault ends well when the next one finds a
 
 In every fault each command is judged: inside the limits of position, velocity, acceleration and jerk, finite, without a
 jump, also where the clock jumps. What the robot must do stands in the table: it *rests* within {STATED_S:g} s, if no
-other time is named, and stays so until the fault is over; it *rests for a while*, until messages come again; it *gives
-way*, to where it was pushed; or it *goes on* following. Each fault must raise all of its counters in `/diagnostics`.
+other time is named, and stays so until the fault is over, or only makes way for a person who is not seen any more; it
+*rests for a while*, until messages come again; it *gives way*, to where it was pushed; or it *goes on* following.
+Each fault must raise all of its counters in `/diagnostics`.
 
 Faults of messages and of the clock happen to the `pipeline` in simulated time, so their figures are the same on any
 machine; those marked *live* happen in real time to `perception`, `inference`, `retargeting` and `simulation`. One of

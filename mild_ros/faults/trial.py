@@ -40,6 +40,9 @@ A_WHILE_NS = 250_000_000
 AT_ONCE_S = 8.0
 """A person whose robot does not follow for so long lowers the hand and tries again."""
 
+KEPT_OUT = "retargeting refused_keep_out"
+"""Counted when a person is in the way of a motion: then the arm cannot follow wherever it is pushed."""
+
 MADE_WAY = "retargeting yielded"
 """Counted when the arm moves away from a body."""
 
@@ -135,7 +138,8 @@ def _tried(room: Room, fault: Fault) -> Outcome:
     during = room.commands_between(first, begun_ns, ended_ns)
     made_way = after.get(MADE_WAY, 0) > before.get(MADE_WAY, 0)
     rest_s = _rest_s(fault.answer, during, begun_ns, left_ns, made_way=made_way)
-    missed += _complaints(fault, during, rest_s, put_rad)
+    hindered = made_way or after.get(KEPT_OUT, 0) > before.get(KEPT_OUT, 0)
+    missed += _complaints(fault, during, rest_s, put_rad, hindered=hindered)
     commands = room.commands[max(first - 3, 0) :]
     broken = tuple(problems(ROBOT, commands))
     others = tuple(key for key in OTHER_STOPS if key not in fault.counted and after.get(key, 0) > before.get(key, 0))
@@ -166,7 +170,9 @@ def _rest_s(
     return (rested_ns - begun_ns) * 1e-9
 
 
-def _complaints(fault: Fault, during: Sequence[Command], rest_s: float | None, put_rad: FloatArray) -> Iterator[str]:
+def _complaints(
+    fault: Fault, during: Sequence[Command], rest_s: float | None, put_rad: FloatArray, *, hindered: bool
+) -> Iterator[str]:
     """What is wrong with how the robot answered."""
     if fault.answer == "goes on":
         if rest_s is not None:
@@ -177,5 +183,5 @@ def _complaints(fault: Fault, during: Sequence[Command], rest_s: float | None, p
     if rest_s is None or rest_s > fault.within_s:
         yield f"no rest within {fault.within_s:g} s but after {rest_s or fault.lasts_s:.2f} s"
     beside = [np.abs(np.subtract(command.positions_rad, put_rad)).max() < BESIDE_RAD for command in during]
-    if fault.answer == "gives way" and not any(beside):
+    if fault.answer == "gives way" and not any(beside) and not hindered:
         yield "the robot does not go where it was put"

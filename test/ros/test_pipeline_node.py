@@ -75,7 +75,9 @@ def test_a_person_moves_the_robot_and_everybody_can_see_why(
     start("pipeline", model=random_model, interaction="hand_shake", home_after_s=2.0)
     room.around.connect(room.person.publisher, room.around.states)
     room.live(room.counted("retargeting accepted", 40), "a second of following")
-    room.live(lambda: room.around.status()[:2] == (OK, "following"), "all well")
+    room.live(lambda: room.around.status()[2].get("mode") == "following", "a report of following")
+    level, message, _ = room.around.status()
+    assert level == OK or "camera" in message, "an unmeasured camera is warned of, and nothing else"
 
     values = room.around.status()[2]
     assert values["interaction"] == "hand_shake"
