@@ -13,8 +13,13 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent.parent
 LEAVES_A_PROCESS = """
 import subprocess, sys
+GRANDCHILD = [sys.executable, "-c", "import time; print('runs', flush=True); time.sleep(60)"]
+CHILD = f"import subprocess; subprocess.Popen({GRANDCHILD!r})"
 def test_leaves_a_process():
-    subprocess.Popen(["/bin/sh", "-c", "(sleep 60 &) ; exit 0"], start_new_session=True).wait()
+    # Waits for the grandchild's word: while the kernel replaces one program by another, /proc shows neither.
+    child = subprocess.Popen([sys.executable, "-c", CHILD], stdout=subprocess.PIPE, start_new_session=True)
+    assert child.stdout.readline() == b"runs\\n"
+    assert child.wait() == 0
 """
 
 
@@ -33,4 +38,4 @@ def test_a_process_left_behind_fails_the_test_that_left_it(tmp_path: Path) -> No
     result = subprocess.run([sys.executable, *arguments], capture_output=True, text=True, check=False)
     assert result.returncode == 1, result.stdout
     assert "still running" in result.stdout
-    assert "sleep 60" in result.stdout
+    assert "time.sleep(60)" in result.stdout
