@@ -448,7 +448,10 @@ def _span(time_ns: int) -> str:
     return f"{hours / 24:.0f} days" if hours >= 48 else f"{hours:.1f} hours"
 
 
-_MSGSRC, _DECOMPRESS, _ZSTD, _PARSE_QOS = storage_mcap.msgsrc, storage_mcap.decompress, reader.zstd, metadata.parse_qos
+# What is put into another library's place is checked by the tests that open hostile bags, not by types.
+_mcap: Any = storage_mcap
+_reader: Any = reader
+_MSGSRC, _DECOMPRESS, _ZSTD, _PARSE_QOS = _mcap.msgsrc, _mcap.decompress, _reader.zstd, metadata.parse_qos
 
 
 def _parse_qos(given: Any) -> Any:
@@ -459,11 +462,12 @@ def _parse_qos(given: Any) -> Any:
 
 def bound_rosbags() -> None:
     """Put the budgets of this module where rosbags looks for its own functions."""
-    storage_mcap.DECOMPRESSORS.update(zstd=unzstd, lz4=unlz4)
-    storage_mcap.msgsrc, storage_mcap.decompress = _messages_of_chunk, decompress
-    reader.zstd = SimpleNamespace(open=lambda raw, mode: _BoundedFile(_ZSTD.open(raw, mode), raw), decompress=unzstd)
+    _mcap.DECOMPRESSORS.update(zstd=unzstd, lz4=unlz4)
+    _mcap.msgsrc, _mcap.decompress = _messages_of_chunk, decompress
+    _reader.zstd = SimpleNamespace(open=lambda raw, mode: _BoundedFile(_ZSTD.open(raw, mode), raw), decompress=unzstd)
     reader_1.decompressors.update(bz2=unbz2, lz4=unlz4)
-    for module in (storage_mcap, storage_sqlite3, reader):
+    modules: tuple[Any, ...] = (storage_mcap, storage_sqlite3, reader)
+    for module in modules:
         module.parse_qos = _parse_qos
     apsw.connection_hooks.append(_bounded_database)
     anyreader.get_types_from_msg, anyreader.get_types_from_idl = types_from_msg, types_from_idl

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 from mild_core.errors import SetupError
 from mild_ros.assembly.perception import skeleton_source
@@ -109,7 +110,7 @@ def run_nodes(
 
 def _start_listeners(nodes: Nodes, recorded: Path, skeleton_topics: list[str], options: RunOptions) -> None:
     """Start all nodes but the one that sends the bag."""
-    sim_time = {"use_sim_time": True} if options.lock_step else {}
+    sim_time: dict[str, Any] = {"use_sim_time": True} if options.lock_step else {}
     # The simulated robot has our names of its joints, whatever those of the real one's driver are.
     told = {name: value for name, value in changed(options.pipeline).items() if name not in DRIVERS_NAMES}
     simulated = {name: told[name] for name in ("robot", "robot_description") if name in told}

@@ -64,7 +64,7 @@ class GuardedNode(Node):
 
     def get_logger(self) -> Any:
         """As of a node; foreign text in what is logged is made printable."""
-        return _PrintableLogger(super().get_logger())
+        return _PrintableLogger(super().get_logger())  # type: ignore[no-untyped-call]
 
     def guard(self, where: str, callback: Callable[..., Any]) -> Callable[..., Any]:
         """The callback, made safe; `where` names the topic, timer or service."""

@@ -31,7 +31,11 @@ def hello(node: Node, name: str, seconds: float, wanted: str = "") -> list[str]:
         The names heard, sorted.
     """
     heard: set[str] = set()
-    node.create_subscription(String, "/mild_doctor", lambda message: heard.add(message.data), 10)
+
+    def take(message: Any) -> None:
+        heard.add(message.data)
+
+    node.create_subscription(String, "/mild_doctor", take, 10)
     sender = node.create_publisher(String, "/mild_doctor", 10)
     node.create_timer(PERIOD_S, lambda: sender.publish(String(data=name)))  # it hears itself too: no loop sets the pace
     end_s = time.monotonic() + seconds

@@ -167,7 +167,8 @@ def _default_text(entry: Field[Any]) -> str:
 
 def _checked(entry: Field[Any], value: Any) -> Any:
     """The value in the parameter's type and range."""
-    thing, facts, wanted = f"parameter {entry.name}", about(entry), type(entry.default)
+    thing, facts = f"parameter {entry.name}", about(entry)
+    wanted: type[Any] = type(entry.default)
     if wanted is float and type(value) is int:
         value = float(value)
     if wanted is tuple and (value == [] or isinstance(value, list | tuple)):

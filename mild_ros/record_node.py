@@ -56,7 +56,7 @@ class RecordNode(GuardedNode):
         if self._bag.counts or not has_given_up(self):  # otherwise nothing is there
             said = f"mild_ros record: {sum(self._bag.counts.values())} messages in {self._bag.path}{passed}"
             print(printable_lines(said), flush=True)
-        super().destroy_node()
+        super().destroy_node()  # type: ignore[no-untyped-call]
 
     def _look(self) -> None:
         """Subscribe to topics that have appeared."""

@@ -109,7 +109,7 @@ class ReplayNode(GuardedNode):
         sent = f"{self._sender.sent} events of {self.parameters.bag}"
         print(printable_lines(f"mild_ros replay: {sent}{self._topics.left_out}"), flush=True)
         self._bags.close()
-        super().destroy_node()
+        super().destroy_node()  # type: ignore[no-untyped-call]
 
 
 def main() -> int:

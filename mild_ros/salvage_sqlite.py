@@ -51,7 +51,7 @@ def sqlite_messages(file: Path, scratch: Path, loss: Loss) -> Iterator[Found]:
         if not topics:
             loss.unread_bytes += file.stat().st_size
         for row in _messages(database, loss) if topics else ():
-            found = _found(*row, topics, definitions)
+            found = _found(row, topics, definitions)
             if found is None:
                 loss.messages += 1
             else:
@@ -72,10 +72,9 @@ def _pad(database: Path) -> None:
             file.truncate(min(page * pages, _LONGEST * size))
 
 
-def _found(
-    number: object, time_ns: object, data: object, topics: dict[object, Row], definitions: dict[object, object]
-) -> Found | None:
-    """A row as a message; None when it is none: sqlite3 keeps anything in any column."""
+def _found(row: Row, topics: dict[object, Row], definitions: dict[object, object]) -> Found | None:
+    """A row (topic's number, time, data) as a message; None when it is none: sqlite3 keeps anything in any column."""
+    number, time_ns, data = row
     topic, type_name = topics.get(number, (None, None))
     if not (isinstance(topic, str) and isinstance(type_name, str) and isinstance(data, bytes)):
         return None
@@ -92,7 +91,7 @@ def _messages(database: sqlite3.Connection, loss: Loss) -> Iterator[Row]:
     while misses < _MISSES:
         try:
             # One by one: each row may be as long as the file.
-            rows = iter(_limited(database).execute(f"{columns} > ? ORDER BY id LIMIT 500", (number,)))
+            rows: Iterator[Row] = iter(_limited(database).execute(f"{columns} > ? ORDER BY id LIMIT 500", (number,)))
             row = next(rows, None)
             if row is None:
                 return

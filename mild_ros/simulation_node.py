@@ -103,7 +103,7 @@ class SimulationNode(GuardedNode):
     def destroy_node(self) -> None:
         """Close the simulation too."""
         self._robot.close()
-        super().destroy_node()
+        super().destroy_node()  # type: ignore[no-untyped-call]
 
 
 def main() -> int:

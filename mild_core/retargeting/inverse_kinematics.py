@@ -68,7 +68,7 @@ class InverseKinematics:
     def __init__(self, robot: RobotModel, links: Sequence[str], margin_rad: float = 0.0, relent: float = 0.0) -> None:
         try:
             import daqp  # type: ignore[import-not-found]
-            import pinocchio  # type: ignore[import-untyped]
+            import pinocchio
         except ImportError as error:
             raise SetupError("inverse kinematics", f"a library is missing ({error})", "install pin and daqp") from error
         tree = read_tree(robot.urdf_path)

@@ -30,5 +30,6 @@ def _safe(shown: Any) -> Any:
         for column in shown.columns:
             cells = [Text(printable(cell)) if isinstance(cell, str) else _safe(cell) for cell in column.cells]
             column._cells[:] = cells
-        shown.title = Text(printable(shown.title), shown.title_style) if isinstance(shown.title, str) else shown.title
+        if isinstance(shown.title, str):
+            shown.title = Text(printable(shown.title), shown.title_style or "")
     return shown

@@ -99,7 +99,7 @@ def cut_bag(path: Path, settings: DemonstrationSettings, salvage: bool, on_messa
             notes.append(bag.lost)
         tracks = _tracks(bag, settings, streams, notes)
         watched = tracks[0]
-        times_s = (watched.stamps_ns - bag.start_ns) * 1e-9
+        times_s: FloatArray = (watched.stamps_ns - bag.start_ns).astype(np.float64) * 1e-9
         others = _others(settings, streams, tracks, notes)
         cut = cut_at_rest(watched.arm_m, others, times_s, rest_to_rest(settings.cut))
         if not cut.found_rest:
@@ -129,8 +129,9 @@ def _followed(
         BagError: They do not stand still for the calibration.
     """
     parameters = settings.partner if who == PARTNER and settings.partner is not None else settings.person
-    stamped = [(received_ns, people[0].stamp_ns) for received_ns, people in sightings if people]
-    clock = judge_clock(who, *(zip(*stamped, strict=True) if stamped else ((), ())), settings.cut.clock)
+    seen = [(received_ns, people[0].stamp_ns) for received_ns, people in sightings if people]
+    received, stamps = [received_ns for received_ns, _ in seen], [stamp_ns for _, stamp_ns in seen]
+    clock = judge_clock(who, received, stamps, settings.cut.clock)
     if clock.note:
         notes.append(clock.note)
     track, rest = follow(sightings, clock, perception_of(parameters, settings.cut.rate_hz))

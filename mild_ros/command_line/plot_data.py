@@ -5,12 +5,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mild_core.errors import SetupError
 from mild_core.shapes import FloatArray
+from mild_core.signals import MotionWindow
 from mild_ros.viewing.figures.joints import Motion
 from mild_ros.viewing.figures.latent import LatentSpace
 from mild_ros.viewing.figures.skeletons import Moment
@@ -102,7 +103,8 @@ def motion_of(seen: Watched) -> Motion:
     from mild_core.learning.windows import feature_windows, thin
 
     (trial,), manifest, unit = seen.trials, seen.model.manifest, seen.recording.unit
-    stage, motions = Inference(seen.model, trial.interaction), []
+    stage = Inference(seen.model, trial.interaction)
+    motions: list[MotionWindow] = []
     state = stage.init()
     for window in feature_windows(trial, seen.protocol):
         state, answers = stage.step(state, window, window.stamp_ns)
@@ -137,8 +139,8 @@ def moments_of(seen: Watched, count: int) -> list[Moment]:
     recorded, predicted = (values / seen.recording.unit.scale for values in (motion.true, motion.predicted))
     arms = [_other_arm(seen, values.reshape(shape)) for values in (recorded, predicted)]
     times = motion.predicted_s
-    person = _lengthened(person, seen.model.manifest.robot_from_human.arm_lengths_m)
-    return [Moment(float(times[i]), person[first + i], arms[0][first + i], arms[1][i]) for i in chosen]
+    person_m = _lengthened(person, seen.model.manifest.robot_from_human.arm_lengths_m)
+    return [Moment(float(times[i]), person_m[first + i], arms[0][first + i], arms[1][i]) for i in chosen]
 
 
 def _lengthened(arm: FloatArray, lengths_m: tuple[float, float] | None) -> FloatArray:
@@ -147,20 +149,22 @@ def _lengthened(arm: FloatArray, lengths_m: tuple[float, float] | None) -> Float
         return arm
     bones = np.diff(arm, axis=1)
     bones = bones / np.linalg.norm(bones, axis=2, keepdims=True) * np.array(lengths_m)[:, None]
-    return np.concatenate([arm[:, :1], arm[:, :1] + np.cumsum(bones, axis=1)], axis=1)
+    longer: FloatArray = np.concatenate([arm[:, :1], arm[:, :1] + np.cumsum(bones, axis=1)], axis=1)
+    return longer
 
 
 def _other_arm(seen: Watched, controlled: FloatArray) -> FloatArray:
     """(T, M, 3) the other's arm in the person's arm frame [m], whose x axis points at the other."""
     if seen.recording.unit.squared == "m^2":
-        return np.array(PARTNER_AT_M) + controlled * np.array([-1.0, -1.0, 1.0])
+        facing: FloatArray = np.array(PARTNER_AT_M) + controlled * np.array([-1.0, -1.0, 1.0])
+        return facing
     from mild_core.retargeting.kinematics import read_tree
     from mild_core.retargeting.robots import ROBOTS
 
     robot, placement = ROBOTS[seen.recording.robot], seen.model.manifest.robot_from_human
     tree = read_tree(robot.urdf_path)
     names = seen.model.manifest.controlled.joint_names
-    positions = {**dict(robot.rest), **{name: controlled[:, i] for i, name in enumerate(names)}}
+    positions: dict[str, Any] = {**dict(robot.rest), **{name: controlled[:, i] for i, name in enumerate(names)}}
     links = [joint.child for joint in tree.chain(robot.tool_link) if joint.name in names] + [robot.tool_link]
     points = np.stack([tree.pose(link, positions)[:, :3, 3] for link in links], axis=1)
     interaction = seen.trials[0].interaction

@@ -79,8 +79,8 @@ def _span(from_s: float, to_s: float, interaction: str) -> Span:
 
 def spans_said(said: Sequence[tuple[float, str]]) -> BagLabels:
     """What was said on a topic, at which times [s]: each word holds until the next one."""
-    times = [*(time_s for time_s, _ in said), float("inf")]
-    return BagLabels(tuple(Span(*times[place : place + 2], word) for place, (_, word) in enumerate(said)))
+    ends_s = [*(time_s for time_s, _ in said[1:]), float("inf")]
+    return BagLabels(tuple(Span(from_s, to_s, word) for (from_s, word), to_s in zip(said, ends_s, strict=False)))
 
 
 def label_each(thing: str, labels: BagLabels, movements_s: Sequence[tuple[float, float]]) -> list[str]:

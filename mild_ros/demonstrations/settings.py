@@ -109,7 +109,7 @@ TABLES: dict[str, type[Any]] = {
     "robot": RobotParameters,
     "cut": CutParameters,
 }
-KINDS = {
+KINDS: dict[str, tuple[type[Any], str]] = {
     "swap": (bool, "true or false"),
     "interactions": (list, "a list of texts"),
     "touching": (list, "a list of texts"),

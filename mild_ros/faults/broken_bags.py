@@ -22,8 +22,9 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from rosbags.typesys import Stores, get_typestore
 
 from mild_core.errors import BagError, DataError
+from mild_ros.bag_budgets import SALVAGE
 from mild_ros.bag_writer import create_bag
-from mild_ros.bags import SALVAGE, jazzy_types, open_bag
+from mild_ros.bags import jazzy_types, open_bag
 from mild_ros.encoding import encode
 
 COUNT = 24

@@ -5,6 +5,8 @@ ros2 launch mild_ros replay.launch.py bag:=bags/handshake
 ros2 launch mild_ros replay.launch.py bag:=old.bag skeleton_topic:=/bodies rate:=0.5 record:=what_happened
 """
 
+from typing import Any
+
 from launch import LaunchDescription
 from launch.actions import (
     DeclareLaunchArgument,
@@ -42,7 +44,7 @@ ARGUMENTS = {
 }
 
 
-def _replay(given: dict[str, LaunchConfiguration], config: list) -> Node:
+def _replay(given: dict[str, LaunchConfiguration], config: list[Any]) -> Node:
     """The node that sends the bag, and ends everything when it has."""
     texts = {name: ParameterValue(given[name], value_type=str) for name in ("bag", "skeleton_topic")}
     numbers = {name: ParameterValue(given[name], value_type=float) for name in ("rate", "start_s")}

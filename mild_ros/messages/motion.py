@@ -31,7 +31,7 @@ LONGEST_NS = 100e9
 """No motion lies further away than this, or has rows so far apart."""
 
 
-def motion_type(controlled_kind: str) -> type[Any]:
+def motion_type(controlled_kind: str) -> Any:
     """The type of the messages on `motion`, by the kind of agent that a model moves."""
     return PointCloud2 if controlled_kind == "human_arm" else JointTrajectory
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -75,7 +76,7 @@ def draw_filmstrip(staged: Staged, robot: RobotModel, path: Path, title: str) ->
         figure = Figure(figsize=(PAGE_IN, height + header), dpi=DPI, facecolor="white")
         renderer.add_person(body_parts(staged.bodies))
 
-        def write(x: float, below_in: float, text: str, **style: object) -> None:
+        def write(x: float, below_in: float, text: str, **style: Any) -> None:
             figure.text(x, 1.0 - below_in / (height + header), text, va="top", **style)
 
         write(0.008, 0.05, title, fontsize=9, fontweight="bold", color=INK)

@@ -42,8 +42,8 @@ def write_page(staged: Staged, robot: RobotModel, path: Path, title: str) -> Non
             for handle, poses in links:
                 _move(handle, poses[index, :3, :3], poses[index, :3, 3])
             body = staged.bodies[staged.frame_at(time_s)]
-            for part, handle in parts:
-                _move(handle, *part.pose(body))
+            for part, mesh in parts:
+                _move(mesh, *part.pose(body))
             said = f"{time_s:.1f} s   {caption(staged, time_s)}".strip()
             if label.text != said:
                 label.text = said

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -27,7 +28,8 @@ def draw_plots(run: RecordedRun, report: Report, joint_names: tuple[str, ...], p
     """Write the plots of a run as a PNG: joints on the left, beliefs and times on the right."""
     figure = Figure(figsize=(15.0, 1.55 * len(joint_names) + 0.9), dpi=130, layout="constrained", facecolor="white")
     figure.suptitle(title, x=0.012, ha="left", fontweight="bold", color=INK)
-    left, right = figure.subfigures(1, 2, width_ratios=(1.25, 1.0))
+    parts: Any = figure.subfigures(1, 2, width_ratios=(1.25, 1.0))  # an array, which its type does not tell
+    left, right = parts
     joints = left.subplots(len(joint_names), 1, sharex=True)
     for axes, name in zip(joints, joint_names, strict=True):
         _joint(axes, run, name)

@@ -91,7 +91,8 @@ class RecordedRun:
 
     def seconds(self, stamps_ns: Any) -> FloatArray:
         """Seconds since `start_ns`."""
-        return (np.asarray(stamps_ns, dtype=np.int64) - self.start_ns) * 1e-9
+        since_ns = np.asarray(stamps_ns, dtype=np.int64) - self.start_ns
+        return since_ns.astype(np.float64) * 1e-9
 
 
 def read_run(path: Path, source: SkeletonSource, *, salvage: bool = False) -> RecordedRun:
@@ -136,7 +137,8 @@ def _ends(bag: BagReader) -> tuple[int, int]:
 
 
 def _track(bag: BagReader, topic: str, read: Callable[[Any], Any]) -> JointTrack | None:
-    arrived, values = [], []
+    arrived: list[int] = []
+    values: list[Any] = []
     for raw, message in _all(bag, topic):
         try:
             value = read(message)

@@ -71,8 +71,8 @@ class Renderer:
 
     def place(self, joints: Mapping[str, float], person: Places | None) -> None:
         """Put the robot's joints [rad] and the person's [m, robot's base frame] where they belong."""
-        for name, position in joints.items():
-            self._bullet.resetJointState(self._robot, self._joints[name], position, physicsClientId=self._client)
+        for name, position_rad in joints.items():
+            self._bullet.resetJointState(self._robot, self._joints[name], position_rad, physicsClientId=self._client)
         for part, body in self._parts:
             if person is not None:
                 rotation, position = part.pose(person)
@@ -120,7 +120,8 @@ class Renderer:
             shade = np.maximum(shade, np.exp(-0.5 * (distance / reach) ** 2))
         fade = np.clip(np.hypot(places_m[:, 0] - 0.35, places_m[:, 1]) / FLOOR_RADIUS_M, 0.0, 1.0)[:, None] ** 3
         colour = np.array(FLOOR) * (1.0 - 0.38 * shade[:, None])
-        return (1.0 - fade) * colour + fade * np.array(BACKGROUND)
+        mixed: FloatArray = (1.0 - fade) * colour + fade * np.array(BACKGROUND)
+        return mixed
 
     def _furniture(self, floor_m: float, *, with_table: bool) -> None:
         if with_table:
@@ -169,7 +170,8 @@ def _unprojected(depth: FloatArray, where: np.ndarray, eye: Sequence[float], len
     clip = np.stack([across, up, 2.0 * depth - 1.0, np.ones(len(rows))])
     # OpenGL's matrices come column by column.
     world = np.linalg.inv(np.reshape(lens, (4, 4)).T @ np.reshape(eye, (4, 4)).T) @ clip
-    return (world[:3] / world[3]).T
+    places_m: FloatArray = (world[:3] / world[3]).T
+    return places_m
 
 
 def quaternion(rotation: FloatArray) -> FloatArray:
@@ -190,4 +192,5 @@ def quaternion(rotation: FloatArray) -> FloatArray:
         found[j] = rotation[j, i] + rotation[i, j]
         found[k] = rotation[k, i] + rotation[i, k]
         found[3] = rotation[k, j] - rotation[j, k]
-    return found / np.linalg.norm(found)
+    unit: FloatArray = found / np.linalg.norm(found)
+    return unit

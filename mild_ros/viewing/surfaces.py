@@ -106,4 +106,5 @@ def _normals(vertices: FloatArray, faces: np.ndarray) -> FloatArray:
     normals = np.zeros_like(vertices)
     for i in range(3):
         np.add.at(normals, faces[:, i], across)
-    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    unit: FloatArray = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    return unit

@@ -58,7 +58,7 @@ def draw_latent_spaces(agents: Mapping[str, Mapping[str, LatentSpace]], path: Pa
             axes.set_xlabel("first direction")
         bar = made.colorbar(drawn, ax=panels, aspect=40, pad=0.01)
         bar.set_label("share of the trial")
-        bar.outline.set_visible(False)  # type: ignore[operator]  # a patch
+        bar.outline.set_visible(False)
 
 
 def _plane(tracks: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:

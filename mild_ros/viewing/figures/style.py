@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 from matplotlib.axes import Axes
@@ -20,7 +21,7 @@ COLUMN_IN, PAGE_IN = 3.5, 7.16
 
 SERIES = (BLUE, ORANGE, GREEN, VERMILION, PURPLE, SKY)
 
-LOOK = {
+LOOK: Any = {  # matplotlib lists the keys one by one in its type
     "font.size": 8.0,
     "axes.titlesize": 8.0,
     "axes.labelsize": 8.0,
