@@ -164,6 +164,12 @@ class PersonPose:
             require_shape(name, getattr(self, name), shape)
 
 
+RESTING, OFFERED, NONE, NAMED = "resting", "offered", "none", "named"
+RECOGNITION_STATES = (RESTING, OFFERED, NONE, NAMED)
+"""What is known of what the person does: the hand rests; something is being done, not yet known what; nothing that the
+model knows; the interaction that is named."""
+
+
 @dataclass(frozen=True, eq=False)
 class MotionWindow:
     """The controlled agent's next window of motion and how sure the model is of it.
@@ -182,6 +188,7 @@ class MotionWindow:
         phase: Expected progress through the interaction, 0 at its start to 1 at its end.
         out_of_distribution: Distance of the human's motion from all that the model knows, in units of the largest
             distance it should see: above 1 is unknown.
+        state: One of `RECOGNITION_STATES`.
     """
 
     stamp_ns: int
@@ -195,6 +202,7 @@ class MotionWindow:
     belief: FloatArray
     phase: float
     out_of_distribution: float
+    state: str = NAMED
 
     def __post_init__(self) -> None:
         for name in ("positions", "covariance", "belief"):

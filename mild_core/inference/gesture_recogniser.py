@@ -17,7 +17,7 @@ Source: ours; METHOD section 5 has the measurements behind the choice of feature
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -30,6 +30,12 @@ from mild_core.shapes import FloatArray, read_only
 
 TakeArray = Callable[[str, tuple[int | None, ...]], FloatArray]
 """(name, shape) -> a finite array of that shape, or ValueError."""
+
+GESTURES = ("wave", "handshake", "rocket", "parachute")
+"""Known interactions, in the order of the recogniser's classes."""
+
+SAME = {"hand_wave": "wave", "waving": "wave"}
+"""What recordings call them otherwise."""
 
 RATE_HZ = 20.0
 """Of the features."""
@@ -51,8 +57,26 @@ MEMORY = 30
 
 PERIOD_NS = round(1e9 / RATE_HZ)
 
-DISTANCE = 24
-"""Place of the hand's distance from its rest among the features."""
+DISTANCE, FROM_REST = 24, 30
+"""Places among the features of the hand's distance from its rest, and of its place seen from there."""
+
+BEGUN = 0.35
+"""A hand this far from its rest [arm lengths] may start an interaction."""
+
+WALKING = 0.6
+"""Who moves faster than this [arm lengths/s] walks: nobody starts an interaction with a robot while walking."""
+
+UNDECIDED_S = 2.0
+"""Before this, it cannot be told whether a motion is a known one; source: METHOD section 5."""
+
+FAMILIAR_S = 3.0
+"""Longest time that `familiar` is averaged over."""
+
+DOUBT = 2.0
+"""How far the log-odds may fall below the bound before an interaction that has started is given up."""
+
+NEVER = -10.0
+"""Log-odds of a known interaction before anything was seen."""
 
 EVIDENCE_SHARE = 1.0 - float(np.exp(-1.0 / (RATE_HZ * 0.5)))
 """Share that is new at each sample in the running means over half a second."""
@@ -138,10 +162,14 @@ class GestureState:
         next_ns: Time of the next sample.
         memory: (MEMORY,) of the features.
         units: (R,) activations of the reservoir.
-        evidence: (C + 1,) running mean of the log-probabilities of known interactions and rest.
-        permission: (C + 2,) the same of the readout that also knows the background.
-        familiar: Running mean of the largest probability among known interactions.
+        evidence: (C,) running mean of the log-probabilities of the known interactions.
+        permit: Running mean of the log-odds of any known interaction against rest and background.
+        familiar: Mean since the hand left its rest of the largest probability of a known interaction.
         distance: Of the hand from its rest [arm lengths].
+        forward: How much further forward the hand is than at rest [arm lengths].
+        active_s: How long ago the hand left its rest; 0 at rest.
+        walking: Running mean of the shoulder's speed [arm lengths/s].
+        started: Whether the person may be taken to do a known interaction.
     """
 
     stamp_ns: int | None
@@ -150,9 +178,13 @@ class GestureState:
     memory: FloatArray
     units: FloatArray
     evidence: FloatArray
-    permission: FloatArray
+    permit: float
     familiar: float
     distance: float
+    forward: float
+    active_s: float
+    walking: float
+    started: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,6 +199,7 @@ class GestureRecogniser:
         leak: (R,) share of a unit's activation that is new at each sample.
         weight: (R + F, C + 1) and bias (C + 1,): logits of the known interactions and rest.
         permission_weight: (R + F, C + 2) and permission_bias (C + 2,): the same, then background.
+        bounds: Least `permit` at which a known interaction may start, and least `familiar` of one.
 
     Raises:
         ValueError: Its parts do not belong together.
@@ -182,6 +215,7 @@ class GestureRecogniser:
     bias: FloatArray
     permission_weight: FloatArray
     permission_bias: FloatArray
+    bounds: FloatArray
 
     def __post_init__(self) -> None:
         if not np.isin(self.sources, np.arange(len(self.leak))).all():
@@ -207,10 +241,14 @@ class GestureRecogniser:
             next_ns=0,
             memory=read_only(np.zeros(MEMORY)),
             units=read_only(np.zeros(len(self.leak))),
-            evidence=read_only(np.full(classes + 1, -np.log(classes + 1.0))),
-            permission=read_only(np.full(classes + 2, -np.log(classes + 2.0))),
+            evidence=read_only(np.full(classes, -np.log(float(classes)))),
+            permit=NEVER,
             familiar=1.0,
             distance=0.0,
+            forward=0.0,
+            active_s=0.0,
+            walking=0.0,
+            started=False,
         )
 
     def step(self, state: GestureState, arm: FloatArray, stamp_ns: int) -> GestureState:
@@ -229,30 +267,49 @@ class GestureRecogniser:
             share = 1.0 if stamp_ns == before_ns else (next_ns - before_ns) / (stamp_ns - before_ns)
             frames.append(state.arm + share * (arm - state.arm))
             next_ns += PERIOD_NS
+        before = state.arm
         state = replace(state, stamp_ns=stamp_ns, arm=read_only(arm), next_ns=next_ns)
         if not frames:
             return state
         memory, units = state.memory.copy(), state.units
         rows, activations = self.activate(np.array(frames), memory, None if state.memory[0] == 0.0 else units)
-        evidence, permission, familiar = state.evidence, state.permission, state.familiar
-        for one in np.hstack([activations, rows]):
-            known = log_softmax(one @ self.weight + self.bias)
-            allowed = log_softmax(one @ self.permission_weight + self.permission_bias)
-            evidence = evidence + EVIDENCE_SHARE * (known - evidence)
-            permission = permission + EVIDENCE_SHARE * (allowed - permission)
-            largest = float(np.exp(log_softmax(known[:-1])).max())
-            familiar += EVIDENCE_SHARE * (largest - familiar)
+        for index, (one, row) in enumerate(zip(np.hstack([activations, rows]), rows, strict=True)):
+            shoulder_m = frames[index][0] - (frames[index - 1][0] if index else before[0])
+            state = self._judged(state, one, row * self.deviation + self.mean, float(np.linalg.norm(shoulder_m)))
+        return replace(state, memory=read_only(memory), units=read_only(activations[-1]))
+
+    def _judged(self, state: GestureState, seen: FloatArray, features: FloatArray, moved: float) -> GestureState:
+        """The state after one more sample: what the readouts say of it, averaged over the last half second."""
+        known = log_softmax(seen @ self.weight + self.bias)
+        allowed = log_softmax(seen @ self.permission_weight + self.permission_bias)
+        odds = float(allowed[:-2].max() - np.logaddexp(allowed[-2], allowed[-1]))
+        distance, from_rest = float(features[DISTANCE]), features[FROM_REST:]
+        active_s = state.active_s + 1.0 / RATE_HZ if distance > AT_REST else 0.0
+        share = max(1.0 / (active_s * RATE_HZ), 1.0 / (FAMILIAR_S * RATE_HZ)) if active_s else 1.0
+        largest = float(np.exp(known[:-1].max())) if active_s else 1.0
+        permit = state.permit + EVIDENCE_SHARE * (odds - state.permit)
+        walking = state.walking + EVIDENCE_SHARE * (moved * RATE_HZ - state.walking)
+        familiar = state.familiar + share * (largest - state.familiar)
+        start, bound = self.bounds.tolist()
+        if state.started:
+            started = active_s > 0.0 and permit > start - DOUBT
+        else:
+            started = distance > BEGUN and permit > start and walking < WALKING
         return replace(
             state,
-            memory=read_only(memory),
-            units=read_only(activations[-1]),
-            evidence=read_only(evidence),
-            permission=read_only(permission),
+            evidence=read_only(state.evidence + EVIDENCE_SHARE * (log_softmax(known[:-1]) - state.evidence)),
+            permit=permit,
             familiar=familiar,
-            distance=float(rows[-1][DISTANCE] * self.deviation[DISTANCE] + self.mean[DISTANCE]),
+            distance=distance,
+            forward=float(from_rest[0]),
+            active_s=active_s,
+            walking=walking,
+            started=started and not (active_s > UNDECIDED_S and familiar < bound),
         )
 
-    def activate(self, frames: FloatArray, memory: FloatArray, units: FloatArray | None) -> tuple[FloatArray, FloatArray]:
+    def activate(
+        self, frames: FloatArray, memory: FloatArray, units: FloatArray | None
+    ) -> tuple[FloatArray, FloatArray]:
         """Standardised features (T, F) and activations (T, R) of successive frames at RATE_HZ.
 
         Args:
@@ -283,6 +340,19 @@ def log_softmax(logits: FloatArray) -> FloatArray:
     return found
 
 
+def gesture_classes(interactions: Sequence[str]) -> NDArray[np.int64]:
+    """(P,) the class of each interaction.
+
+    Raises:
+        ValueError: One is none of them.
+    """
+    names = [SAME.get(name, name) for name in interactions]
+    unknown = [name for name in names if name not in GESTURES]
+    if unknown:
+        raise ValueError(f"arrays gestures.* know no interaction {', '.join(unknown)}")
+    return np.array([GESTURES.index(name) for name in names], dtype=np.int64)
+
+
 def take_gestures(take: TakeArray) -> GestureRecogniser:
     """Put a recogniser together from a model's arrays.
 
@@ -301,6 +371,7 @@ def take_gestures(take: TakeArray) -> GestureRecogniser:
         "weight": (seen, len(bias)),
         "permission_weight": (seen, len(bias) + 1),
         "permission_bias": (len(bias) + 1,),
+        "bounds": (2,),
     }
     taken = {name: read_only(take(f"gestures.{name}", shape)) for name, shape in shapes.items()}
     return GestureRecogniser(leak=read_only(leak), bias=read_only(bias), sources=read_only(sources), **taken)

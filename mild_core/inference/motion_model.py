@@ -5,12 +5,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mild_core.errors import ModelError
+from mild_core.inference.gesture_recogniser import GestureRecogniser, gesture_classes, take_gestures
 from mild_core.inference.manifest import Manifest, NetworkSpec
 from mild_core.inference.member import Member, spread_operators
 from mild_core.inference.networks import Network, build_network
@@ -42,6 +44,7 @@ class MildModel:
         reservoir: What answers beside the members; None: they answer alone.
         start_pose: What the robot's pose at the start tells; None: nothing.
         territory: Where the known interactions' windows lie; None: their members alone tell what is unknown.
+        gestures: Recognises interactions of people who were never recorded; None: only what is the model's own does.
     """
 
     manifest: Manifest
@@ -53,6 +56,16 @@ class MildModel:
     territory: Territory | None = None
     reservoir: Reservoir | None = None
     start_pose: StartPose | None = None
+    gestures: GestureRecogniser | None = None
+
+    @cached_property
+    def gesture_classes(self) -> NDArray[np.int64]:
+        """(P,) the recogniser's class of each interaction.
+
+        Raises:
+            ValueError: An interaction is none of its classes.
+        """
+        return gesture_classes(self.manifest.interactions)
 
     @property
     def recognises(self) -> bool:
@@ -68,7 +81,7 @@ def build_model(manifest: Manifest, arrays: Arrays) -> MildModel:
         arrays: `member_<i>.<network>.<layer>.<array>`, `member_<i>.prior.<interaction>.<array>`,
             `member_<i>.latent_radius`, and where there is such a network `member_<i>.distance.centres` and `.radii`;
             `residual_covariance`; `covariance_scale`, `recognition` (temper, forgetting), `territory.<array>`,
-            `reservoir.<array>` and `start_pose.<array>`, which may be left out.
+            `reservoir.<array>`, `start_pose.<array>` and `gestures.<array>`, which may be left out.
 
     Raises:
         ModelError: An array is missing, of another shape, not finite or not what the manifest says; it is named.
@@ -97,6 +110,10 @@ def build_model(manifest: Manifest, arrays: Arrays) -> MildModel:
         start_pose = None
         if any(name.startswith("start_pose.") for name in arrays):
             start_pose = take_start_pose(taken.array, interactions, size)
+        gestures = None
+        if any(name.startswith("gestures.") for name in arrays):
+            gesture_classes(manifest.interactions)
+            gestures = take_gestures(taken.array)
         unknown = sorted(set(arrays) - taken.names)
         if unknown:
             raise ValueError(f"array {unknown[0][:80]} belongs to nothing in the manifest")
@@ -104,7 +121,7 @@ def build_model(manifest: Manifest, arrays: Arrays) -> MildModel:
         remedy = "take the folder as it was trained, or train it anew"
         raise ModelError(f"model {manifest.name}", str(error), remedy) from None
     rates = float(recognition[0]), float(recognition[1])
-    return MildModel(manifest, members, residual, *rates, scale, territory, reservoir, start_pose)
+    return MildModel(manifest, members, residual, *rates, scale, territory, reservoir, start_pose, gestures)
 
 
 class _Taken:

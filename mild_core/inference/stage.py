@@ -24,6 +24,7 @@ from functools import cached_property
 import numpy as np
 
 from mild_core.errors import DataError, unknown_name
+from mild_core.inference.gesture_recogniser import UNDECIDED_S, GestureState, unit_arm
 from mild_core.inference.member import Generated, MemberState, Told, combined, make_told
 from mild_core.inference.motion_model import MildModel
 from mild_core.inference.priors.filtering import UNDERFLOW
@@ -33,13 +34,26 @@ from mild_core.inference.state import CopyState, InferenceState
 from mild_core.inference.stepping import Observed
 from mild_core.joint_measurements import JointMerger
 from mild_core.shapes import FloatArray, read_only
-from mild_core.signals import FeatureWindow, JointMeasurement, MotionWindow
+from mild_core.signals import NAMED, NONE, OFFERED, RESTING, FeatureWindow, JointMeasurement, MotionWindow
 
 AUTO = "auto"
 """Recognise the interaction instead of being told."""
 
 DECIDED = 0.5
 """Probability from which a recognised interaction is named."""
+
+CERTAIN = 0.8
+"""The same where people are recognised who were never recorded: in the first second all interactions begin alike."""
+
+NEAR, FAR = 0.4, 0.7
+"""Distance from what the model learned from up to which its own evidence counts in full, and from which not at all.
+Chosen, like the two below, on people of one data set with models of another."""
+
+OWN_NATS = 4.0
+"""Most by which the model's own evidence can speak against an interaction."""
+
+OWN_CERTAIN = 0.9
+"""Probability of its own from which a model starts an interaction of a person who moves like those it learned from."""
 
 NEGLIGIBLE = 1e-3
 """Probability of an interaction below which what it would answer is not asked for."""
@@ -111,7 +125,8 @@ class Inference:
         copy = CopyState(-1, tuple(told.init() for told in self._told))
         territory = self.model.territory
         strayed = read_only(np.zeros(0)) if territory is None else territory.init()
-        return InferenceState(recognition, (copy,) * self.model.manifest.stride, strayed)
+        gestures = None if self.model.gestures is None else self.model.gestures.init()
+        return InferenceState(recognition, (copy,) * self.model.manifest.stride, strayed, gestures=gestures)
 
     def afresh(self, state: InferenceState) -> InferenceState:
         """The state with nothing remembered of the person."""
@@ -140,19 +155,22 @@ class Inference:
             found = self._observe(before, place, index, given)
         except DataError as error:
             return state.refused(error), ()
-        recognition = self._recognise(before.recognition, found, given, seen)
-        generated = self._generate(found, recognition)
+        own = self._recognise(before.recognition, found, given, seen)
         strayed, strangeness = self._stray(before.strayed, given, found)
+        familiar = self._familiar(own, strangeness) if seen.gestures is not None else strangeness <= 1.0
+        recognition, strangeness = self._carried_over(own, strangeness, seen.gestures)
+        generated = self._generate(found, recognition)
         answer = self._beside(generated, given, seen, recognition)
-        motion = self._motion(given, recognition, strangeness, answer)
+        state_name = self._state_name(recognition, familiar, seen.gestures)
+        motion = self._motion(given, recognition, strangeness, answer, state_name)
         events = {**events, "accepted": 1, **({"unknown": 1} if strangeness > 1.0 else {})}
         if seen.rest is not None and is_waiting(seen.rest, self._rest_frames):
-            seen = replace(before, rest=seen.rest)
+            seen = replace(before, rest=seen.rest, gestures=seen.gestures)
         else:
             memories = [tuple([MemberState(one.context, one.memory) for one in told]) for told in found]
             copy = CopyState(index, tuple(memories))
             copies = (*before.copies[:place], copy, *before.copies[place + 1 :])
-            seen = replace(seen, recognition=recognition, copies=copies, index=index)
+            seen = replace(seen, recognition=own, copies=copies, index=index)
         counts = state.counted(events)
         return replace(seen, strayed=strayed, counts=counts, outcome="accepted", detail="", stamp_ns=given.stamp_ns), (
             motion,
@@ -175,7 +193,7 @@ class Inference:
         motions, place = [], self._considered.index(recognition.likeliest)
         for alone in np.eye(len(found[place][0].weights)):
             sure = tuple([one._replace(weights=alone) for one in found[place]])
-            motions.append(self._motion(window, recognition, 0.0, self._told[place].generate(sure)))
+            motions.append(self._motion(window, recognition, 0.0, self._told[place].generate(sure), NAMED))
         return tuple(motions)
 
     def _check(self, state: InferenceState, window: FeatureWindow) -> None:
@@ -210,7 +228,48 @@ class Inference:
         if self._rest_frames > 0:
             hand_m = read_only(positions[:, -3:])
             rest = first_seen(hand_m) if state.rest is None else watch(state.rest, hand_m[-1], passed)
-        return replace(state, units=units, rest=rest)
+        gestures = state.gestures
+        if self.model.gestures is not None and gestures is not None and np.isfinite(positions[-1]).all():
+            arm = unit_arm(positions[-1:].reshape(1, 3, 3), sum(self.model.manifest.observed.bone_lengths_m))[0]
+            gestures = self.model.gestures.step(gestures, arm, window.stamp_ns)
+        return replace(state, units=units, rest=rest, gestures=gestures)
+
+    def _carried_over(
+        self, own: Recognition, strangeness: float, gestures: GestureState | None
+    ) -> tuple[Recognition, float]:
+        """Recognition and novelty with what carries over to strangers.
+
+        The model's own evidence counts where the person moves like those it learned from; the recogniser of gestures
+        counts for everybody. A given interaction is never called into question.
+        """
+        if gestures is None:
+            return own, strangeness
+        if self.interaction != AUTO:
+            return own, min(strangeness, 1.0)
+        trust = min(max((FAR - strangeness) / (FAR - NEAR), 0.0), 1.0)
+        own_nats = np.maximum(np.log(own.probabilities + 1e-12), -OWN_NATS)
+        log_odds = trust * own_nats + gestures.evidence[self.model.gesture_classes]
+        weights = np.exp(log_odds - log_odds.max())
+        known = gestures.active_s <= UNDECIDED_S or gestures.started or self._familiar(own, strangeness)
+        return Recognition(own.evidence, weights / weights.sum()), min(strangeness, 1.0) if known else 2.0
+
+    @staticmethod
+    def _familiar(own: Recognition, strangeness: float) -> bool:
+        """Whether the person moves like those the model learned from, and it is sure what they do."""
+        return strangeness < NEAR and own.probability > OWN_CERTAIN
+
+    def _state_name(self, recognition: Recognition, familiar: bool, gestures: GestureState | None) -> str:
+        """One of `RECOGNITION_STATES`."""
+        if self.interaction != AUTO:
+            return NAMED
+        if gestures is None:
+            return NAMED if recognition.probability >= DECIDED and familiar else NONE
+        if gestures.active_s == 0.0:
+            return RESTING
+        started = gestures.started or familiar
+        if started and recognition.probability >= CERTAIN:
+            return NAMED
+        return OFFERED if gestures.active_s <= UNDECIDED_S or started else NONE
 
     def _measured(self, state: InferenceState, given: JointMeasurement, now_ns: int) -> InferenceState:
         """The state after the robot said where it is: its start, unless a person is there whom it may be answering."""
@@ -287,11 +346,10 @@ class Inference:
         return strayed, max(strangeness, self.model.territory.score(strayed))
 
     def _motion(
-        self, window: FeatureWindow, recognition: Recognition, strangeness: float, generated: Generated
+        self, window: FeatureWindow, recognition: Recognition, strangeness: float, generated: Generated, state_name: str
     ) -> MotionWindow:
         manifest = self.model.manifest
         controlled = manifest.controlled
-        named = self.interaction != AUTO or (recognition.probability >= DECIDED and strangeness <= 1.0)
         rows = generated.motion if controlled.unit == "rad" else generated.motion.reshape(manifest.window, -1, 3)
         return MotionWindow(
             stamp_ns=window.stamp_ns,
@@ -300,11 +358,12 @@ class Inference:
             joint_names=controlled.joint_names,
             positions=rows,
             covariance=generated.covariance * (recognition.probabilities @ self.model.covariance_scale),
-            interaction=manifest.interactions[recognition.likeliest] if named else "",
+            interaction=manifest.interactions[recognition.likeliest] if state_name == NAMED else "",
             probability=recognition.probability,
             belief=generated.weights,
             phase=generated.phase,
             out_of_distribution=strangeness,
+            state=state_name,
         )
 
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from mild_core.errors import DataError
+from mild_core.inference.gesture_recogniser import GestureState
 from mild_core.inference.member import MemberState
 from mild_core.inference.recognition import Recognition
 from mild_core.inference.resting import Rest
@@ -42,6 +43,7 @@ class InferenceState:
         strayed: See `Territory.follow`; (0,) in a model without one.
         units: (R,) of the reservoir; None before the first window, and in a model without one.
         rest: Where the hand rested; None before the first window.
+        gestures: Of the recogniser of gestures; None in a model without one.
         joints: The robot's own word on where it is.
         start: (J,) where the robot stood when the person came [rad]; None: it has not said.
     """
@@ -51,6 +53,7 @@ class InferenceState:
     strayed: FloatArray
     units: FloatArray | None = None
     rest: Rest | None = None
+    gestures: GestureState | None = None
     joints: JointTracks = field(default_factory=JointTracks)
     start: FloatArray | None = None
     counts: Mapping[str, int] = field(default_factory=dict)

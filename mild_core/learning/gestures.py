@@ -19,8 +19,10 @@ from mild_core.inference.gesture_recogniser import (
     AT_REST,
     FEATURES,
     FOREARM,
+    GESTURES,
     MEMORY,
     RATE_HZ,
+    SAME,
     UPPER_ARM,
     GestureRecogniser,
     features_of,
@@ -28,12 +30,6 @@ from mild_core.inference.gesture_recogniser import (
 )
 from mild_core.learning.demonstration import Demonstration
 from mild_core.shapes import FloatArray
-
-GESTURES = ("wave", "handshake", "rocket", "parachute")
-"""Known interactions, in the order of the recogniser's classes."""
-
-SAME = {"hand_wave": "wave", "waving": "wave"}
-"""What recordings call them otherwise."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +48,8 @@ class GestureSettings:
         height: Largest shift of the meeting point's height [arm lengths].
         style: Deviation of a slow random wander of hand and elbow [arm lengths].
         noise: Largest deviation of the tracker's noise [arm lengths]; drawn for each copy.
+        background: Synthetic arms that do none of the gestures.
+        start_log_odds: Of a known gesture against rest and background, from which it may start.
         standing_s: Longest time of standing before a motion.
         epochs: Passes over all samples.
         learning_rate: Of AdamW at its start.
@@ -71,6 +69,8 @@ class GestureSettings:
     height: float = 0.15
     style: float = 0.07
     noise: float = 0.012
+    background: int = 1500
+    start_log_odds: float = 0.5
     standing_s: float = 2.0
     epochs: int = 12
     learning_rate: float = 0.004
@@ -121,7 +121,9 @@ def _interpolated(frames: FloatArray, times: FloatArray, wanted: FloatArray) -> 
 def augment(frames: FloatArray, settings: GestureSettings, rng: np.random.Generator) -> FloatArray:
     """The same gesture by somebody else (T', 3, 3)."""
     speed = rng.uniform(*settings.warp) * np.exp(
-        np.interp(np.arange(len(frames)), np.linspace(0, len(frames) - 1, 4), rng.normal(size=4) * settings.unsteadiness)
+        np.interp(
+            np.arange(len(frames)), np.linspace(0, len(frames) - 1, 4), rng.normal(size=4) * settings.unsteadiness
+        )
     )
     times = np.cumsum(speed) - speed[0]
     frames = _interpolated(frames, times, np.arange(max(4, int(times[-1])), dtype=np.float64))
@@ -246,7 +248,9 @@ def _standing(
 ) -> tuple[FloatArray, FloatArray]:
     """A track with a time of standing before it."""
     count = int(rng.uniform(0.0, settings.standing_s) * RATE_HZ)
-    return np.concatenate([np.repeat(frames[:1], count, axis=0), frames]), np.concatenate([[len(GESTURES)] * count, label])
+    return np.concatenate([np.repeat(frames[:1], count, axis=0), frames]), np.concatenate(
+        [[len(GESTURES)] * count, label]
+    )
 
 
 def features_of_track(frames: FloatArray, settings: GestureSettings, rng: np.random.Generator) -> FloatArray:
@@ -275,6 +279,7 @@ def _drawn(mean: FloatArray, deviation: FloatArray, settings: GestureSettings) -
         bias=np.zeros(classes + 1),
         permission_weight=np.zeros((seen, classes + 2)),
         permission_bias=np.zeros(classes + 2),
+        bounds=np.array([settings.start_log_odds, 0.0]),
     )
 
 
@@ -435,7 +440,11 @@ def _scratching(rng: np.random.Generator) -> FloatArray:
 def _fidgeting(rng: np.random.Generator) -> FloatArray:
     """Small movements around the rest."""
     rest = _hanging(rng)
-    places = [rest, *(rest + rng.normal(size=3) * np.array([0.2, 0.12, 0.1]) for _ in range(int(rng.integers(1, 4)))), rest]
+    places = [
+        rest,
+        *(rest + rng.normal(size=3) * np.array([0.2, 0.12, 0.1]) for _ in range(int(rng.integers(1, 4)))),
+        rest,
+    ]
     hand = _through(places, rng.uniform(0.1, 1.5, size=len(places)).tolist(), rng)
     return _arm_to(hand, _leaning(hand, rng), rng)
 
