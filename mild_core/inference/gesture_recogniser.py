@@ -84,17 +84,18 @@ EVIDENCE_SHARE = 1.0 - float(np.exp(-1.0 / (RATE_HZ * 0.5)))
 
 @compiled
 def _low_pass(before: float, value: float, time_constant_s: float) -> float:
-    return before + (1.0 - np.exp(-1.0 / (RATE_HZ * time_constant_s))) * (value - before)
+    after: float = before + (1.0 - np.exp(-1.0 / (RATE_HZ * time_constant_s))) * (value - before)
+    return after
 
 
 @compiled
 def features_of(arm: FloatArray, memory: FloatArray) -> FloatArray:
     """(T, FEATURES) features of T successive frames.
 
-    All from the shoulder, since people walk. Elbow and hand (6), their velocities (6, low-pass 0.06 s) and slow velocities (6, 0.35 s),
-    oscillation of the hand per axis (3: root of a 0.6 s leaky mean of the squared difference of the two), hand height,
-    its maximum since the hand left its rest, the fall from it, distance from rest, elevation of the forearm, its
-    maximum, forward reach, its maximum, the largest distance (9), hand from rest (3).
+    All from the shoulder, since people walk. Elbow and hand (6), their velocities (6, low-pass 0.06 s) and slow
+    velocities (6, 0.35 s), oscillation of the hand per axis (3: root of a 0.6 s leaky mean of the squared difference
+    of the two), hand height, its maximum since the hand left its rest, the fall from it, distance from rest,
+    elevation of the forearm, its maximum, forward reach, its maximum, the largest distance (9), hand from rest (3).
 
     Args:
         arm: (T, 3, 3) shoulder, elbow and hand of `unit_arm` [arm lengths].

@@ -172,9 +172,8 @@ class Inference:
             copies = (*before.copies[:place], copy, *before.copies[place + 1 :])
             seen = replace(seen, recognition=own, copies=copies, index=index)
         counts = state.counted(events)
-        return replace(seen, strayed=strayed, counts=counts, outcome="accepted", detail="", stamp_ns=given.stamp_ns), (
-            motion,
-        )
+        told = replace(seen, published=recognition, strayed=strayed, counts=counts, stamp_ns=given.stamp_ns)
+        return replace(told, outcome="accepted", detail=""), (motion,)
 
     def by_component(self, state: InferenceState, window: FeatureWindow) -> tuple[MotionWindow, ...]:
         """What each component of the likeliest interaction alone expects, for people to look at.

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline  # type: ignore[import-untyped]  # scipy brings no types
 from torch.nn import functional
 
@@ -28,7 +29,9 @@ from mild_core.inference.gesture_recogniser import (
     features_of,
     unit_arm,
 )
+from mild_core.learning.datasets import DATASETS
 from mild_core.learning.demonstration import Demonstration
+from mild_core.learning.recording import Recording
 from mild_core.shapes import FloatArray
 
 
@@ -50,6 +53,8 @@ class GestureSettings:
         noise: Largest deviation of the tracker's noise [arm lengths]; drawn for each copy.
         background: Synthetic arms that do none of the gestures.
         start_log_odds: Of a known gesture against rest and background, from which it may start.
+        familiar: Least mean probability of a known gesture two seconds after its beginning: a twentieth of the known
+            ones of people left out lie below.
         standing_s: Longest time of standing before a motion.
         epochs: Passes over all samples.
         learning_rate: Of AdamW at its start.
@@ -71,6 +76,7 @@ class GestureSettings:
     noise: float = 0.012
     background: int = 1500
     start_log_odds: float = 0.5
+    familiar: float = 0.5
     standing_s: float = 2.0
     epochs: int = 12
     learning_rate: float = 0.004
@@ -91,6 +97,22 @@ class Arm:
     source: str
     gesture: str
     frames: FloatArray
+
+
+RECORDINGS = ("buetepage_hr", "nuisi", "nuisi_v1")
+"""Data sets with human arms that do the gestures."""
+
+
+def arms_at_hand() -> tuple[list[Arm], list[Recording]]:
+    """The arms of all recordings that are on this machine, and which those are."""
+    arms, found = [], []
+    for name in RECORDINGS:
+        recording = DATASETS[name]
+        path = recording.default_path()
+        if path.is_file():
+            arms += arms_of(name, recording.read(path).split("train"))
+            found.append(recording)
+    return arms, found
 
 
 def arms_of(source: str, demonstrations: Sequence[Demonstration]) -> list[Arm]:
@@ -279,7 +301,7 @@ def _drawn(mean: FloatArray, deviation: FloatArray, settings: GestureSettings) -
         bias=np.zeros(classes + 1),
         permission_weight=np.zeros((seen, classes + 2)),
         permission_bias=np.zeros(classes + 2),
-        bounds=np.array([settings.start_log_odds, 0.0]),
+        bounds=np.array([settings.start_log_odds, settings.familiar]),
     )
 
 
@@ -290,7 +312,7 @@ def _seen(recogniser: GestureRecogniser, features: FloatArray) -> FloatArray:
 
 
 def _readout(
-    seen: FloatArray, label: FloatArray, weight: FloatArray, settings: GestureSettings, draw: int
+    seen: NDArray[np.float32], label: FloatArray, weight: FloatArray, settings: GestureSettings, draw: int
 ) -> tuple[FloatArray, FloatArray]:
     """Weight and bias of a multinomial readout."""
     with torch.random.fork_rng(devices=[]):
@@ -303,7 +325,7 @@ def _readout(
         batches = len(inputs) // 2048 + 1
         schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, settings.epochs * batches)
         for _ in range(settings.epochs):
-            for chosen in torch.randperm(len(inputs)).split(2048):
+            for chosen in torch.split(torch.randperm(len(inputs)), 2048):
                 loss = functional.cross_entropy(layer(inputs[chosen]), wanted[chosen], reduction="none") * share[chosen]
                 optimiser.zero_grad()
                 loss.mean().backward()  # type: ignore[no-untyped-call]
@@ -477,4 +499,5 @@ def _through(places: Sequence[FloatArray], stays_s: Sequence[float], rng: np.ran
 def _leaning(hand: FloatArray, rng: np.random.Generator) -> FloatArray:
     """(T, 3) a shoulder that follows a far hand a little."""
     away = np.clip(np.linalg.norm(hand - hand[0], axis=1, keepdims=True), 0.0, 1.0)
-    return away * rng.uniform(0.0, 0.15) * np.array([1.0, 0.2, -0.3]) + 0.0
+    leaning: FloatArray = away * rng.uniform(0.0, 0.15) * np.array([1.0, 0.2, -0.3])
+    return leaning

@@ -51,7 +51,7 @@ class PeopleRecording:
     @property
     def people(self) -> int:
         """P."""
-        return self.positions_m.shape[1]
+        return int(self.positions_m.shape[1])
 
     def joint(self, person: int, name: str) -> FloatArray:
         """(T, 3) of a person's joint [m]; NaN where it was not seen."""
@@ -111,4 +111,4 @@ def skeletons(recording: PeopleRecording, person: int, seed: int = 0) -> Iterato
 def _skeleton(recording: PeopleRecording, time_s: float, positions_m: FloatArray) -> SkeletonFrame:
     seen = np.isfinite(positions_m).all(axis=1)
     stamp_ns = round((time_s + 2.0 * STANDING_S) * 1e9)
-    return SkeletonFrame(stamp_ns, FRAME, 1, recording.joint_names, positions_m, seen.astype(np.float64))
+    return SkeletonFrame(stamp_ns, FRAME, 1, recording.joint_names, positions_m, np.where(seen, 1.0, 0.0))

@@ -61,6 +61,10 @@ def evaluate(
     every: Annotated[
         bool, typer.Option("--all", help="With --cv or --unknown: all three protocols of the recording.")
     ] = False,
+    people: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="A people file: how the model does with these people.")
+    ] = None,
+    interaction: Annotated[str, typer.Option(help="With --people: auto, or given: it is what the file says.")] = "auto",
     seeds: Annotated[int, typer.Option(min=1, help="With --cv: runs of each method that draws at random.")] = 3,
     method: Annotated[list[str] | None, typer.Option(help="With --cv: only this one; may be repeated.")] = None,
     workers: Annotated[int, typer.Option(min=0, help="With --cv: processes [default: one per core].")] = 0,
@@ -103,6 +107,18 @@ def evaluate(
 
         mild evaluate --unknown --protocol ahead
 
+    **People it never met**: whole bodies of several people in one frame with z up, each watched in turn through the
+    real perception, after 1.5 s of standing, with the model's robot standing by:
+
+        mild evaluate --people people.npz --model yumi_buetepage_ahead --json
+
+    A people file holds `joint_names` (J,), `labels` (N,) the interaction or "", `active_s` (N, 2) when it is performed,
+    and of each recording `NAME_positions_mm` (T, P, J, 3) int16, -32768 where not seen, and `NAME_times_ms` (T,).
+    JSON: `recognised` at 0.5, 1, 2 and 3 s after the onset (hand 6 cm from rest) and `active`: shares of predictions
+    that are `right`, `wrong`, `offered`, `none` or `resting`, and how often the `likeliest` interaction is the right
+    one; `named_at_rest`: share of people for whom something was named before; `starts_per_minute`: how often the robot
+    begins to answer, and `made_way_per_minute`: how often it moves otherwise, away from people; `accepted_frames`: below 0.9 the figures are not `valid`.
+
     Errors are squared differences of joint angles averaged over joints and window [rad²]; of two people squared
     distances of the partner's joints [m²]; "macro" is the mean over the interactions. JSON: `macro.mse`,
     `interactions.<name>.mse`, `.mse_std`, `.windows`, `rmse_deg` or `rmse_cm`, `mean_absolute_deg` or `_cm`.
@@ -111,6 +127,13 @@ def evaluate(
     if asked != 1:
         problem = "nothing to do" if not asked else "--cv and --unknown learn their own models, one at a time"
         raise SetupError("evaluate", problem, "give --model, --cv or --unknown")
+    if people is not None:
+        if not model:
+            raise SetupError("--people", "measures a model", "give --model NAME too")
+        from mild_ros.command_line.people import evaluate_people
+
+        evaluate_people(people, model, interaction, json)
+        return
     if model:
         _evaluate_model(model, dataset, data, protocol, split, labels, json)
         return

@@ -242,10 +242,29 @@ def _write(
         assert covariance is not None  # there is at least one trial
         residual, source, errors, scale = covariance, "training trials: too small", {}, {}
     training = {**_about(trained, asked, recording, len(trials)), "residual_covariance": source}
+    gestures, training["gestures"] = _gestures(trained.interactions)
     facts = ModelFacts(out.resolve().name, recording.robot, recording.observed_side, _placement(recording, trials))
     manifest, arrays = export(trained, trials, residual, replace(facts, training=training, errors=errors), scale)
-    save_model(out, manifest, arrays, model_card(manifest, recording, command))
+    save_model(out, manifest, arrays | gestures, model_card(manifest, recording, command))
     typer.echo(f"written: {out} ({sum(file.stat().st_size for file in out.iterdir()) / 1e6:.1f} MB)")
+
+
+def _gestures(interactions: tuple[str, ...]) -> tuple[dict[str, Any], str]:
+    """Arrays of the recogniser that carries over to strangers, and what it learned from, for people."""
+    from mild_core.inference.gesture_recogniser import gesture_classes
+    from mild_core.learning.gestures import GestureSettings, arms_at_hand, background_arms, train_gestures
+
+    try:
+        gesture_classes(interactions)
+    except ValueError as error:
+        return {}, f"none: {error}"
+    arms, recordings = arms_at_hand()
+    settings = GestureSettings()
+    try:
+        recogniser = train_gestures(arms, background_arms(settings.background, settings.seed), settings)
+    except ValueError as error:
+        return {}, f"none: {error}"
+    return recogniser.to_arrays(), "; ".join(f"{one.name} ({one.licence})" for one in recordings)
 
 
 def _stopped(epochs: int, asked: TrainingSettings) -> str:

@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recognising gestures of people who were never recorded."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mild_core.inference.gesture_recogniser import (
+    FEATURES,
+    GESTURES,
+    MEMORY,
+    PERIOD_NS,
+    GestureRecogniser,
+    GestureState,
+    features_of,
+    gesture_classes,
+    unit_arm,
+)
+from mild_core.inference.model import load_model
+from mild_core.learning.gestures import GestureSettings, background_arms
+from mild_core.shapes import FloatArray
+
+ROOT = Path(__file__).resolve().parent.parent.parent.parent
+
+
+@pytest.fixture(scope="module")
+def shipped() -> GestureRecogniser:
+    found = load_model(ROOT / "models" / "yumi_buetepage_ahead").gestures
+    assert found is not None
+    return found
+
+
+def played(recogniser: GestureRecogniser, frames: FloatArray, period_ns: int = PERIOD_NS) -> list[GestureState]:
+    state, states = recogniser.init(), []
+    for index, arm in enumerate(frames):
+        state = recogniser.step(state, arm, 10**9 + index * period_ns)
+        states.append(state)
+    return states
+
+
+def waving(frames: int, rate_hz: float = 20.0) -> FloatArray:
+    """Somebody who raises the hand beside the head and waves."""
+    times = np.arange(frames) / rate_hz
+    share = np.clip((times - 1.5) / 0.8, 0.0, 1.0)[:, None]
+    share = share * share * (3.0 - 2.0 * share)
+    swing = 0.25 * np.sin(2.0 * np.pi * 1.6 * times)[:, None] * (share > 0.9)
+    hand = (1.0 - share) * np.array([0.15, -0.1, -0.95]) + share * np.array([0.35, -0.1, 0.35])
+    hand = hand + swing * np.array([0.0, 1.0, 0.0])
+    elbow = (1.0 - share) * np.array([0.0, -0.1, -0.43]) + share * np.array([0.3, -0.2, -0.2])
+    return unit_arm(np.stack([np.zeros_like(hand), elbow, hand], axis=1), 1.0)
+
+
+def test_a_wave_is_recognised_and_nothing_is_while_the_hand_rests(shipped: GestureRecogniser) -> None:
+    states = played(shipped, waving(120))
+    assert not any(state.started for state in states[:30])
+    assert states[29].active_s == 0.0
+    assert states[-1].started
+    assert GESTURES[int(states[-1].evidence.argmax())] == "wave"
+
+
+@pytest.mark.parametrize("rate_hz", [8.0, 9.2, 30.0, 40.0])
+def test_the_rate_of_the_model_beside_it_changes_little(shipped: GestureRecogniser, rate_hz: float) -> None:
+    """It samples at its own rate: interpolated in between, never extrapolated."""
+    state = played(shipped, waving(round(6 * rate_hz), rate_hz), round(1e9 / rate_hz))[-1]
+    assert state.started
+    assert GESTURES[int(state.evidence.argmax())] == "wave"
+
+
+def test_people_who_walk_or_fidget_start_nothing(shipped: GestureRecogniser) -> None:
+    """Of six kinds of background the first swings its arms and the last fidgets; others come near to gestures."""
+    arms = background_arms(90, seed=7)
+    for kind in (0, 5):
+        assert sum(any(state.started for state in played(shipped, frames)) for frames in arms[kind::6]) <= 1
+
+
+def test_features_do_not_depend_on_where_the_person_walks() -> None:
+    """Rest, distance and velocities are the shoulder's: a walk moves the whole arm."""
+    frames = waving(80)
+    walk = np.linspace(0.0, 3.0, 80)[:, None, None] * np.array([1.0, 0.4, 0.0])
+    still, walked = features_of(frames, np.zeros(MEMORY)), features_of(frames + walk, np.zeros(MEMORY))
+    assert still.shape == (80, FEATURES)
+    np.testing.assert_allclose(walked, still, atol=1e-9)
+
+
+def test_maxima_begin_again_after_a_second_at_rest() -> None:
+    frames = np.concatenate([waving(100), np.repeat(waving(1), 60, axis=0)])
+    features = features_of(frames, np.zeros(MEMORY))
+    assert features[99, 29] > 0.8  # the largest distance
+    assert features[-1, 29] < 0.2
+
+
+def test_steps_one_by_one_equal_a_whole_track(shipped: GestureRecogniser) -> None:
+    frames = waving(90)
+    rows, activations = shipped.activate(frames, np.zeros(MEMORY), None)
+    state = played(shipped, frames)[-1]
+    np.testing.assert_allclose(state.units, activations[-1], atol=1e-9)
+    assert state.distance == pytest.approx(rows[-1, 24] * shipped.deviation[24] + shipped.mean[24])
+
+
+def test_who_walks_starts_nothing(shipped: GestureRecogniser) -> None:
+    walk = np.linspace(0.0, 9.0, 120)[:, None, None] * np.array([1.0, 0.0, 0.0])
+    assert not any(state.started for state in played(shipped, waving(120) + walk))
+
+
+def test_an_unfamiliar_motion_is_given_up_after_two_seconds(shipped: GestureRecogniser) -> None:
+    strict = replace(shipped, bounds=np.array([shipped.bounds[0], 0.999]))
+    states = played(strict, waving(140))
+    assert any(state.started for state in states)
+    assert not states[-1].started
+
+
+def test_interactions_without_a_class_are_refused_by_name() -> None:
+    assert gesture_classes(("hand_wave", "waving", "rocket")).tolist() == [0, 0, 2]
+    with pytest.raises(ValueError, match="highfive"):
+        gesture_classes(("wave", "highfive"))
+
+
+def test_settings_are_those_the_shipped_recogniser_was_learned_with(shipped: GestureRecogniser) -> None:
+    settings = GestureSettings()
+    assert len(shipped.leak) == settings.units
+    assert shipped.bounds[0] == pytest.approx(settings.start_log_odds)
