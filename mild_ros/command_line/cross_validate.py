@@ -125,9 +125,9 @@ def _require_trials(request: Request) -> tuple[Demonstration, ...]:
 
     trials = request.recording.read(request.path).train
     require_folds(trials, request.recording.interactions)
-    require_valid(trials)
     for protocol in request.protocols:
         require_windows(trials, request.recording.protocols[protocol])
+    require_valid(trials)
     return trials
 
 
