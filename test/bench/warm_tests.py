@@ -22,7 +22,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
 
-LIBRARIES = ("numpy", "numba", "scipy.stats", "torch", "pinocchio", "hypothesis", "pytest", "pytest_timeout", "xdist")
+LIBRARIES = ("numpy", "numba", "scipy.stats", "torch", "pinocchio", "pytest")
 """What most tests import, and what takes seconds to import."""
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from mild_core.errors import DatasetError
 from mild_core.inference.model import build_model
+from mild_core.inference.priors import PRIORS
 from mild_core.learning.evaluation import errors_of_trial
 from mild_core.learning.export import ModelFacts, export
 from mild_core.learning.model_predictor import ModelPredictor
@@ -159,3 +160,15 @@ def test_a_trial_of_three_frames_is_named():
     )
     with pytest.raises(DatasetError, match=r"trial 0 \(reach\): its 3 frames give 0 steps"):
         require_learnable((*made_trials(2, TWO), short), PROTOCOLS["same"], SMALL)
+
+
+@pytest.mark.parametrize("constant", [[2], [2, 3], [0, 1, 2, 3]])
+def test_latents_of_an_agent_who_stands_still_leave_a_prior_that_can_be_used(constant):
+    latents = [np.random.default_rng(trial).normal(size=(30, 4)) for trial in range(3)]
+    for latent in latents:
+        latent[:, constant] = 0.5
+    fit = PRIORS["hsmm"].from_demonstrations(latents, 3, 2).fit(latents)
+    assert np.isfinite(fit.log_likelihoods).all()
+    belief = fit.prior.update(fit.prior.initial_belief(), latents[0][0, :2], 0.01 * np.eye(2))
+    assert np.isfinite(belief.weights).all()
+    assert belief.known
