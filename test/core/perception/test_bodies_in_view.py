@@ -367,14 +367,15 @@ def test_a_body_that_a_tracker_shows_twice_is_one() -> None:
     assert len(after(NO_BODIES, two(False, 0.0, apart), 0.0).everyone) == 2
 
 
+@pytest.mark.parametrize("at_once", [False, True])
 @pytest.mark.parametrize("age_s", [0.1, 0.4, 2.0])
-def test_a_missing_body_goes_on_for_a_moment_takes_more_room_and_is_forgotten(age_s: float) -> None:
+def test_a_missing_body_goes_on_for_a_moment_takes_more_room_and_is_forgotten(age_s: float, at_once: bool) -> None:
     velocity, bodies = np.array([0.6, 0.0, 0.0]), NO_BODIES
     for frame in range(30):
         time_s = frame * PERIOD_S
         bodies = after(bodies, [person(body(FAR + time_s * velocity), time_s)], time_s)
     shown, last_s = parts(bodies), 29 * PERIOD_S
-    gone, steps = bodies, round(age_s / PERIOD_S)
+    gone, steps = bodies, 1 if at_once else round(age_s / PERIOD_S)
     for step in range(1, steps + 1):
         gone = after(gone, [], last_s + age_s * step / steps)
     found = parts(gone)
