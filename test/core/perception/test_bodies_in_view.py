@@ -335,14 +335,16 @@ def test_everyone_is_there_the_watched_one_by_one_number_and_others_by_their_own
     assert body_segments(NO_BODIES, HERE, UP) is NO_SEGMENTS
 
 
-def test_a_tracker_that_swaps_its_numbers_changes_nobody() -> None:
-    bodies = NO_BODIES
+@pytest.mark.parametrize(("apart_m", "watched"), [(1.5, 0), (0.45, None)])
+def test_a_tracker_that_swaps_its_numbers_changes_nobody(apart_m: float, watched: int | None) -> None:
+    """Also of two who stand so near that either could be where the other was."""
+    bodies, aside = NO_BODIES, FAR + np.array([0.0, apart_m, 0.0])
     for frame in range(20):
-        bodies = after(bodies, two(frame >= 10, frame * PERIOD_S), frame * PERIOD_S)
+        bodies = after(bodies, two(frame >= 10, frame * PERIOD_S, (FAR, aside)), frame * PERIOD_S, watched)
     assert sorted(one.number for one in bodies.everyone) == [1, 2]
     assert {one.number: one.person_id for one in bodies.everyone} == {1: 8, 2: 7}
     found = numbers(bodies)
-    assert np.linalg.norm(found[2][:2] - ASIDE[:2]) < 0.01
+    assert np.linalg.norm(found[2][:2] - aside[:2]) < 0.01
 
 
 def test_a_bystander_keeps_the_number_and_whoever_comes_gets_a_new_one() -> None:
