@@ -79,21 +79,6 @@ LEARNED = {
 }
 
 
-@pytest.mark.parametrize("trials", LEARNED.values(), ids=LEARNED)
-def test_what_is_odd_and_can_be_is_learned_into_a_model_that_runs(trials):
-    protocol, epochs = PROTOCOLS["ahead"], train(trials, PROTOCOLS["ahead"], SHORT, 0)
-    while True:
-        try:
-            assert np.isfinite(next(epochs).prediction)
-        except StopIteration as end:
-            trained = end.value
-            break
-    model = build_model(*export(trained, trials, 0.01 * np.eye(3), ModelFacts("made")))
-    for trial in (trials[0], trials[-1]):
-        predicted = ModelPredictor(model, protocol).predict(trial)
-        assert errors_of_trial(trial, protocol, predicted).squared.mean() < 4.0, "no silent nonsense"
-
-
 TOLD = {
     "the robot never moves": (changed(everywhere, stands), "the robot never moves by more than 0.000 rad"),
     "but for noise": (
@@ -172,3 +157,18 @@ def test_latents_of_an_agent_who_stands_still_leave_a_prior_that_can_be_used(con
     belief = fit.prior.update(fit.prior.initial_belief(), latents[0][0, :2], 0.01 * np.eye(2))
     assert np.isfinite(belief.weights).all()
     assert belief.known
+
+
+@pytest.mark.parametrize("trials", LEARNED.values(), ids=LEARNED)
+def test_what_is_odd_and_can_be_is_learned_into_a_model_that_runs(trials):
+    protocol, epochs = PROTOCOLS["ahead"], train(trials, PROTOCOLS["ahead"], SHORT, 0)
+    while True:
+        try:
+            assert np.isfinite(next(epochs).prediction)
+        except StopIteration as end:
+            trained = end.value
+            break
+    model = build_model(*export(trained, trials, 0.01 * np.eye(3), ModelFacts("made")))
+    for trial in (trials[0], trials[-1]):
+        predicted = ModelPredictor(model, protocol).predict(trial)
+        assert errors_of_trial(trial, protocol, predicted).squared.mean() < 4.0, "no silent nonsense"
