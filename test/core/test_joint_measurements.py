@@ -101,6 +101,16 @@ def test_a_bad_message_changes_nothing(names: tuple[str, ...], positions: object
     np.testing.assert_array_equal(tracks.positions_rad, HOME)
 
 
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize(("speed", "outcome"), [(1.8, "measured"), (2.4, "doubted")])
+def test_a_hand_moves_a_joint_up_to_twice_as_fast_as_its_motor_either_way(
+    way: float, speed: float, outcome: str
+) -> None:
+    moved = HOME + way * speed * 0.4 * YUMI.velocity_rad_s * (np.arange(7) == 2)
+    _, outcomes = take((0.0, said(NAMES, HOME)), (0.4, said(NAMES, moved)))
+    assert outcomes == ["measured", outcome]
+
+
 def test_a_late_stamp_does_not_undo_a_newer_one_but_another_clock_is_no_late_stamp() -> None:
     newer, older = said(NAMES, HOME + 0.02, START_NS), said(NAMES, HOME, START_NS - 20 * MS)
     tracks, outcomes = take((0.0, newer), (0.01, older), (0.02, said(NAMES, HOME, START_NS - 10**10)))
