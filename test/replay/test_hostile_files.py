@@ -208,6 +208,16 @@ def test_the_document_lists_every_hostile_file() -> None:
     assert [name for name in (*BAGS, *OTHERS) if name not in listed] == []
 
 
+def test_the_table_of_the_document_is_written_anew_and_nothing_else() -> None:
+    document = (ROOT / hostile_files.DOCUMENT).read_text()
+    outcomes = [hostile_files.Outcome("a pipe", False, 2, "is none", 1, 3.4, 271.0, 0.2)]
+    after = hostile_files.written(document, hostile_files.table(outcomes))
+    assert after.endswith("| a pipe | *is none* | 3 | 271 | 0 |\n")
+    assert document.startswith(after[: after.index("| File | Outcome |")])
+    with pytest.raises(ValueError, match="0 tables"):
+        hostile_files.written("nothing", "")
+
+
 def test_a_full_disk_for_temporary_files_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("mild_ros.bag_budgets.SCRATCH_LEFT_BYTES", 1 << 60)
     hostile_files.write_packed_file(tmp_path / "bag")
