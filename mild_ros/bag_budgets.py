@@ -23,9 +23,9 @@ from functools import lru_cache
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from urllib.parse import quote
 
 from lz4.frame import LZ4FrameDecompressor
-from rosbags.highlevel import anyreader
 from rosbags.rosbag1 import reader as reader_1
 from rosbags.rosbag2 import metadata, reader, storage_mcap, storage_sqlite3
 from rosbags.typesys import get_types_from_idl, get_types_from_msg
@@ -395,6 +395,12 @@ def _bounded_database(connection: Any) -> None:
     connection.set_authorizer(only_reading)
 
 
+def _database(address: str, **options: Any) -> Any:
+    """As `apsw.Connection`, of an address in which rosbags has not quoted the path."""
+    path, _, query = address.removeprefix("file:").rpartition("?")
+    return apsw.Connection(f"file:{quote(path)}?{query}", **options)
+
+
 def only_reading(action: int, *about: str | None) -> int:
     """An authorizer for a bag's database: tables may be read, and no view or function of its own answers."""
     function, view = about[1], about[3]
@@ -466,7 +472,8 @@ def bound_rosbags() -> None:
     for module in (storage_mcap, storage_sqlite3, reader):
         module.parse_qos = _parse_qos
     apsw.connection_hooks.append(_bounded_database)
-    anyreader.get_types_from_msg, anyreader.get_types_from_idl = types_from_msg, types_from_idl
+    # rosbags makes an address of the path, in which `?`, `#` and `%` mean something.
+    storage_sqlite3.apsw = SimpleNamespace(**{**vars(apsw), "Connection": _database})
 
 
 bound_rosbags()

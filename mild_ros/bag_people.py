@@ -34,7 +34,9 @@ def skeleton_feeds(bag: BagReader, source: SkeletonSource, wanted: str = "") -> 
     if feeds[0].topic == SKELETON_TOPIC:
         usual = bag.topics.get(f"/{SKELETON_TOPIC}")  # as our own recordings name it, among other clouds perhaps
         named = usual is not None and usual.type_name == feeds[0].type_name
-        return {topic_of_type(bag, feeds[0].type_name, wanted or SKELETON_TOPIC * named): feeds[0]}
+        topic = topic_of_type(bag, feeds[0].type_name, wanted or SKELETON_TOPIC * named)
+        _check_defined(bag, feeds[0].type_name)
+        return {topic: feeds[0]}
     found = {f"/{feed.topic.lstrip('/')}": feed for feed in feeds}
     there = {topic: summary.type_name for topic, summary in bag.topics.items()}
     for topic, feed in found.items():
@@ -42,7 +44,17 @@ def skeleton_feeds(bag: BagReader, source: SkeletonSource, wanted: str = "") -> 
             listing = ", ".join(sorted(there)) or "no topic at all"
             remedy = "name the topics in joint_places, or choose another bag or source"
             raise BagError(str(bag.path), f"has no {topic} of {feed.type_name}, but {listing}", remedy)
+        if topic in there:
+            _check_defined(bag, feed.type_name)
     return {topic: feed for topic, feed in found.items() if topic in there}
+
+
+def _check_defined(bag: BagReader, type_name: str) -> None:
+    """Refuse a bag that lacks the definition of a type that ROS 2 Jazzy does not have."""
+    if type_name not in bag.types.fielddefs:
+        problem = f"does not define {type_name}, which is no type of ROS 2 Jazzy"
+        remedy = "record it with `-s mcap`, or where that package is installed convert it: ros2 bag convert"
+        raise BagError(str(bag.path), problem, remedy)
 
 
 def people_in_bag(bag: BagReader, source: SkeletonSource, wanted: str = "") -> Iterator[tuple[int, People]]:

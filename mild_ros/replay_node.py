@@ -44,7 +44,7 @@ class ReplayNode(GuardedNode):
         )
         self._bags = ExitStack()
         self._bag = self._bags.enter_context(open_bag(Path(given.bag).expanduser(), salvage=given.salvage))
-        for odd in filter(None, (self._bag.lost, inputs.note(self._bag))):
+        for odd in filter(None, (self._bag.lost, inputs.note(self._bag), inputs.clock(self._bag).note)):
             self.get_logger().warning(f"{given.bag}: {odd}")
         ticking = self._in_lock_step or given.clock
         self._topics = ReplayTopics(self, self._bag, inputs, ticking)

@@ -15,10 +15,11 @@ from mild_core.errors import BagError
 from mild_core.perception.calibration import Calibration
 from mild_core.retargeting.robot_file import find_robot
 from mild_core.shapes import FloatArray
+from mild_ros.bag_clock import Clock, judge_clock
 from mild_ros.bags import BagReader, open_bag
 from mild_ros.demonstrations.labels import TOPIC, BagLabels, cleaned, for_all, label_each, spans_said
 from mild_ros.demonstrations.settings import SAME, CutParameters, DemonstrationSettings
-from mild_ros.demonstrations.streams import Clock, Streams, judge_clock, read_streams
+from mild_ros.demonstrations.streams import Streams, read_streams
 from mild_ros.demonstrations.tracks import ArmTrack, Sightings, follow, joints_on_grid, on_grid, perception_of
 from mild_ros.joint_naming import joint_naming
 

@@ -8,6 +8,7 @@ import pytest
 
 from mild_core.errors import SetupError
 from mild_core.signals import JointMeasurement
+from mild_ros.bag_clock import Clock, judge_clock
 from mild_ros.demonstrations.labels import (
     UNLABELLED,
     UNUSABLE,
@@ -19,7 +20,6 @@ from mild_ros.demonstrations.labels import (
     spans_said,
 )
 from mild_ros.demonstrations.settings import DemonstrationSettings, read_settings
-from mild_ros.demonstrations.streams import Clock, judge_clock
 from mild_ros.demonstrations.tracks import joints_on_grid, on_grid
 
 S = 10**9
