@@ -79,4 +79,6 @@ def tracker_clock(bag: BagReader, source: SkeletonSource, topic: str = "") -> Cl
     """
     shown = (found for found in people_in_bag(bag, source, topic) if found[1])
     stamped = [(time_ns, people[0].stamp_ns) for time_ns, people in islice(shown, JUDGED)]
-    return judge_clock("the tracker", *zip(*stamped, strict=True)) if stamped else Clock(0)
+    if not stamped:
+        return Clock(0)
+    return judge_clock("the tracker", [received for received, _ in stamped], [stamp for _, stamp in stamped])

@@ -42,7 +42,7 @@ JOINT_STATE_TYPE = "sensor_msgs/msg/JointState"
 STATIC_TRANSFORMS = "tf_static"
 """The topic on which several publishers latch what holds for ever: each of their messages counts."""
 
-NEVER_WITH_ALL = ("clock", "handled", JOINT_STATES)
+NEVER_WITH_ALL = ("clock", "handled", "recorded", JOINT_STATES)
 """`all` leaves out what a replay sends itself, and what may be a command. What is one is never sent."""
 
 

@@ -47,8 +47,8 @@ Reader = Callable[[Any, int], None]
 """Takes a message and the time when it came [ns]."""
 
 
-def readers(bag: BagReader, settings: DemonstrationSettings, streams: Streams) -> dict[str, list[Reader]]:
-    """Who reads the messages of which topics into `streams`.
+def readers(bag: BagReader, name: str, settings: DemonstrationSettings, streams: Streams) -> dict[str, list[Reader]]:
+    """Who reads the messages of which topics of a bag, which labels call by `name`, into `streams`.
 
     Raises:
         BagError: The bag lacks a topic.
@@ -66,17 +66,18 @@ def readers(bag: BagReader, settings: DemonstrationSettings, streams: Streams) -
     if settings.robot is not None:
         topic = topic_of_type(bag, JOINT_STATE_TYPE, settings.robot.topic)
         found.setdefault(topic, []).append(partial(_joints, streams))
-    if settings.label.startswith(TOPIC) and bag.path.stem not in settings.labels:
+    if settings.label.startswith(TOPIC) and name not in settings.labels:
         topic = topic_of_type(bag, LABEL_TYPE, settings.label.removeprefix(TOPIC))
         found.setdefault(topic, []).append(partial(_label, streams.labels))
     return found
 
 
-def read_streams(bag: BagReader, settings: DemonstrationSettings, on_message: Callable[[], None]) -> Streams:
+def read_streams(bag: BagReader, name: str, settings: DemonstrationSettings, on_message: Callable[[], None]) -> Streams:
     """Read a bag.
 
     Args:
         bag: The bag.
+        name: What labels call it.
         settings: What is wanted of it.
         on_message: Called for each message, for progress.
 
@@ -85,7 +86,7 @@ def read_streams(bag: BagReader, settings: DemonstrationSettings, on_message: Ca
         SetupError: A tracker's joints are not named.
     """
     streams = Streams()
-    wanted = readers(bag, settings, streams)
+    wanted = readers(bag, name, settings, streams)
     budget = TimeBudget()
     for raw in bag.messages(wanted):
         on_message()
