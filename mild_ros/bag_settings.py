@@ -38,7 +38,7 @@ class ReplayParameters(TrackerParameters):
         choices=("real_time", "lock_step"),
     )
     rate: float = parameter(1.0, "Speed in real time; 2 is twice as fast.", minimum=0.05, maximum=20.0)
-    start_s: float = parameter(0.0, "How much of the beginning to skip.", unit="s", minimum=0.0, maximum=1e6)
+    start_s: float = parameter(0.0, "How much of the beginning to skip.", unit="s", minimum=0.0, maximum=1e10)
     loop: bool = parameter(False, "Begin again after the end, until stopped.")
     paused: bool = parameter(False, "Wait, before the first message, until `~/pause` is called with false.")
     restamp: bool = parameter(True, "In real time: give messages the time of their sending, as a live tracker would.")

@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from mild_core.errors import DataError
+from mild_core.errors import BagError, DataError
 from mild_core.perception.skeletons import SOURCES
 from mild_core.retargeting.robots.yumi import YUMI
 from mild_ros.bag_writer import create_bag
@@ -174,3 +175,18 @@ def test_a_robots_bad_transform_costs_no_person() -> None:
         people.move(Transforms(transforms=[transform("base", "camera", np.inf)]), 3)
     with pytest.raises(DataError, match="has the parent 'hand_1'"):
         people.move(Transforms(transforms=[transform("hand_1", "hand_1")]), 3)
+
+
+def test_a_bag_that_begins_in_1970_says_where_to_begin_and_that_works(tmp_path: Path) -> None:
+    """As recorders on simulated time begin that do not wait for `/clock`."""
+    whole = tracked(tmp_path / "whole", lambda index, time_ns: time_ns)
+    with open_bag(whole) as given, create_bag(tmp_path / "bag") as bag:
+        for index, raw in enumerate(given.messages()):
+            bag.write(raw.topic, raw.type_name, 0 if index < 2 else raw.time_ns, raw.data)
+    with open_bag(tmp_path / "bag") as bag:
+        with pytest.raises(BagError, match="has no message for 19676 days after its first 2; begin behind") as refused:
+            list(Inputs(SOURCES["azure_kinect"], YUMI, joint_states="none").messages(bag))
+        found = re.search(r"--start ([0-9.]+)", str(refused.value))
+        assert found is not None
+        inputs = Inputs(SOURCES["azure_kinect"], YUMI, joint_states="none", start_s=float(found[1]))
+        assert len(list(inputs.messages(bag))) == FRAMES - 2
