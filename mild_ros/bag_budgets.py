@@ -449,10 +449,11 @@ class TimeBudget:
         pause_ns = 0 if self._before_ns is None else max(time_ns - self._before_ns, 0)
         self._spent_ns += pause_ns
         if pause_ns > LONGEST_PAUSE_NS or self._spent_ns > PAUSE_NS + (self._count + 1) * PER_MESSAGE_NS:
+            start_s = (time_ns - self._first_ns) * 1e-9 - 0.001
+            behind = f"begin behind that with --start {start_s:.3f}, or " if pause_ns > LONGEST_PAUSE_NS else ""
             raise OverBudgetError(
                 f"has no message for {_span(pause_ns)} after its first {self._count}",
-                f"begin behind that with --start {(time_ns - self._first_ns) * 1e-9 - 0.001:.3f}, or correct its times;"
-                " a replay lasts at most 10 min and 10 s for each message",
+                f"{behind}correct its times; a replay lasts at most 10 min and 10 s for each message",
             )
         self._count, self._before_ns = self._count + 1, time_ns
 
