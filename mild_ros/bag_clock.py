@@ -23,8 +23,8 @@ EARLIEST_S, LATEST_S = -0.1, 1.0
 UNSTEADY_S = 0.5
 """Delays that differ by more are none: those stamps are no times of measuring."""
 
-JUDGED = 100
-"""Messages with people in them by which a replay judges a tracker's clock."""
+JUDGED, LOOKED_AT = 100, 5000
+"""Messages with people in them by which a replay judges a tracker's clock, and in how many it looks for them."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def tracker_clock(bag: BagReader, source: SkeletonSource, topic: str = "") -> Cl
         BagError: The bag has no such topic, or breaks off.
         SetupError: The source has a topic for each joint, and none is named.
     """
-    shown = (found for found in people_in_bag(bag, source, topic) if found[1])
+    shown = (found for found in people_in_bag(bag, source, topic, LOOKED_AT) if found[1])
     stamped = [(time_ns, people[0].stamp_ns) for time_ns, people in islice(shown, JUDGED)]
     if not stamped:
         return Clock(0)

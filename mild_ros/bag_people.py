@@ -123,14 +123,22 @@ def _check_defined(bag: BagReader, type_name: str) -> None:
         raise BagError(str(bag.path), problem, remedy)
 
 
-def people_in_bag(bag: BagReader, source: SkeletonSource, wanted: str = "") -> Iterator[tuple[int, People]]:
+def people_in_bag(
+    bag: BagReader, source: SkeletonSource, wanted: str = "", looked_at: int | None = None
+) -> Iterator[tuple[int, People]]:
     """Everyone in every message that shows people, and when it was recorded [ns]; what is unreadable is passed over.
+
+    Args:
+        bag: The bag.
+        source: Tracker convention.
+        wanted: As of `skeleton_feeds`.
+        looked_at: How many messages are looked at; None for all.
 
     Raises:
         BagError: As `skeleton_feeds`, or the bag breaks off.
     """
     feeds = skeleton_feeds(bag, source, wanted)
-    for raw in bag.messages(feeds):
+    for raw in islice(bag.messages(feeds), looked_at):
         try:
             people = feeds[raw.topic].read(bag.decode(raw), raw.time_ns)
         except DataError:
