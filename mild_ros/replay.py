@@ -165,9 +165,14 @@ class Inputs:
         return tracker_clock(bag, self.source, self.skeleton_topic)
 
     def _latched(self, bag: BagReader, wanted: Mapping[str, str], start_ns: int | None) -> Iterator[RawMessage]:
-        """What was latched before the beginning: of each topic the last message, of static transforms all."""
+        """What was latched before the beginning: of each topic the last message, of static transforms all.
+
+        Where the robot was counts as latched: a robot that stands still may say so once.
+        """
         static = {topic for topic in wanted if topic.rsplit("/", 1)[-1] == STATIC_TRANSFORMS}
-        latched = static | {topic for topic in wanted if bag.topics[topic].latched}
+        latched = static | {
+            topic for topic, given in wanted.items() if bag.topics[topic].latched or given == JOINT_STATES
+        }
         newest: dict[str, RawMessage] = {}
         for raw in bag.messages(latched, stop_ns=start_ns) if start_ns is not None and latched else ():
             if raw.topic in static:

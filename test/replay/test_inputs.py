@@ -27,6 +27,7 @@ FRAMES, PERIOD_NS = 60, S // 15
 Transform = standard_message("geometry_msgs/msg/TransformStamped")
 Transforms = standard_message("tf2_msgs/msg/TFMessage")
 Text = standard_message("std_msgs/msg/String")
+AZURE = SOURCES["azure_kinect"]
 HAND = SOURCES["tf"].with_joints(("right_hand", "pelvis"), "rep103", ("hand_{}", "hips_{}"))
 
 
@@ -87,7 +88,7 @@ def tracked(folder: Path, stamp_ns: Any) -> Path:
 
 def replayed_delays_s(bag_path: Path, **options: Any) -> tuple[np.ndarray, str]:
     """How long after its stamp each message comes in a replay, and what is said of that."""
-    inputs = Inputs(SOURCES["azure_kinect"], YUMI, joint_states="none", **options)
+    inputs = Inputs(AZURE, YUMI, joint_states="none", **options)
     with open_bag(bag_path) as bag:
         events = [(event.time_ns, event.message) for event in inputs.messages(bag) if event.message]
         stamps = [bag.decode(raw).markers[1].header.stamp for _, raw in events]
@@ -121,7 +122,7 @@ def test_stamps_that_are_no_times_become_the_receipts(tmp_path: Path) -> None:
 
 def test_messages_without_a_stamp_stay_so(tmp_path: Path) -> None:
     bag = tracked(tmp_path / "bag", lambda index, time_ns: 0)
-    inputs = Inputs(SOURCES["azure_kinect"], YUMI, joint_states="none")
+    inputs = Inputs(AZURE, YUMI, joint_states="none")
     with open_bag(bag) as opened:
         raw = next(event.message for event in inputs.messages(opened) if event.message)
         assert opened.decode(raw).markers[0].header.stamp.sec == 0
@@ -185,8 +186,26 @@ def test_a_bag_that_begins_in_1970_says_where_to_begin_and_that_works(tmp_path: 
             bag.write(raw.topic, raw.type_name, 0 if index < 2 else raw.time_ns, raw.data)
     with open_bag(tmp_path / "bag") as bag:
         with pytest.raises(BagError, match="has no message for 19676 days after its first 2; begin behind") as refused:
-            list(Inputs(SOURCES["azure_kinect"], YUMI, joint_states="none").messages(bag))
+            list(Inputs(AZURE, YUMI, joint_states="none").messages(bag))
         found = re.search(r"--start ([0-9.]+)", str(refused.value))
         assert found is not None
-        inputs = Inputs(SOURCES["azure_kinect"], YUMI, joint_states="none", start_s=float(found[1]))
+        inputs = Inputs(AZURE, YUMI, joint_states="none", start_s=float(found[1]))
         assert len(list(inputs.messages(bag))) == FRAMES - 2
+
+
+def test_where_the_robot_was_before_the_beginning_counts(tmp_path: Path) -> None:
+    """A robot that stands still may say so once."""
+    state = standard_message("sensor_msgs/msg/JointState")(name=list(YUMI.joint_names))
+    whole = tracked(tmp_path / "whole", lambda index, time_ns: time_ns)
+    with open_bag(whole) as given, create_bag(tmp_path / "bag") as bag:
+        for x in (1.0, 2.0):
+            state.position = np.full(7, x)
+            bag.write("/joint_states", "sensor_msgs/msg/JointState", START_NS, encode(state))
+        for raw in given.messages():
+            bag.write(raw.topic, raw.type_name, raw.time_ns, raw.data)
+    with open_bag(tmp_path / "bag") as bag:
+        events = Inputs(AZURE, YUMI, start_s=1.0).messages(bag)
+        first, second = next(events), next(events)
+        assert first.message is not None
+        assert (first.input, second.input, first.time_ns) == ("joint_states", "skeleton", START_NS + S)
+        assert bag.decode(first.message).position[0] == 2.0
