@@ -116,7 +116,8 @@ def _start_listeners(nodes: Nodes, recorded: Path, skeleton_topics: list[str], o
     simulated = {name: told[name] for name in ("robot", "robot_description") if name in told}
     outputs = options.pipeline.outputs
     nodes.start("simulation", simulated | sim_time)
-    nodes.start("record", {"bag": recorded.resolve(), "topics": [*TOPICS, *outputs, *skeleton_topics]} | sim_time)
+    recording = {"bag": recorded.resolve(), "topics": [*TOPICS, *outputs, *skeleton_topics]}
+    nodes.start("record", recording | {"report_recorded": options.lock_step} | sim_time)
     nodes.start("pipeline", told | {"report_handled": True} | sim_time)
 
 
@@ -149,6 +150,7 @@ def _replay_parameters(bag: Path, options: RunOptions) -> dict[str, object]:
         "bag": bag.resolve(),
         "mode": "lock_step" if options.lock_step else "real_time",
         "joint_states": "none",
+        "recorders": int(options.lock_step),
         "subscribers": 2,
         "patience_s": PATIENCE_S,
     }

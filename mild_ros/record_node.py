@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from rclpy.topic_endpoint_info import TopicEndpointInfo
+from std_msgs.msg import Header
 
 from mild_core.errors import SetupError
 from mild_core.printable import printable_lines
@@ -19,7 +20,7 @@ from mild_ros.clock import steady_clock
 from mild_ros.guarded import GuardedNode
 from mild_ros.message_types import message_class
 from mild_ros.parameters import declare
-from mild_ros.quality_of_service import is_latched, strictest
+from mild_ros.quality_of_service import FATE, is_latched, strictest
 from mild_ros.running import give_up, giving_up, has_given_up, run
 
 LOOK_PERIOD_S, FLUSH_PERIOD_S = 0.1, 1.0
@@ -40,7 +41,15 @@ class RecordNode(GuardedNode):
         self._recording = create_bag(Path(self.parameters.bag).expanduser(), durable=True, split_bytes=split_bytes)
         self._bag = self._recording.__enter__()
         self._known: set[str] = set()
+        self._latched: set[str] = set()
+        self._heard: set[str] = set()
         self._passed_over: list[str] = []
+        self._simulated = bool(self.get_parameter("use_sim_time").value)
+        self._early: list[tuple[str, str, bytes]] = []
+        self._before_clock = 0
+        reporting = self.parameters.report_recorded
+        self._recorded = self.create_publisher(Header, "recorded", FATE) if reporting else None
+        self._handled = self.resolve_topic_name("handled")
         self._look()
         self.create_timer(LOOK_PERIOD_S, self._look, clock=steady_clock())
         self.create_timer(FLUSH_PERIOD_S, self._flush, clock=steady_clock())
@@ -53,6 +62,8 @@ class RecordNode(GuardedNode):
         except SetupError as error:  # at the very end too this is one line
             give_up(self, error)
         passed = f"; not recorded: {', '.join(sorted(self._passed_over))}" if self._passed_over else ""
+        if before := self._before_clock + len(self._early):
+            passed += f"; {before} from before the first /clock, which have no time"
         if self._bag.counts or not has_given_up(self):  # otherwise nothing is there
             said = f"mild_ros record: {sum(self._bag.counts.values())} messages in {self._bag.path}{passed}"
             print(printable_lines(said), flush=True)
@@ -75,6 +86,8 @@ class RecordNode(GuardedNode):
         try:
             if not problem:
                 self._bag.add_topic(topic, types[0], transient_local=is_latched(offers))
+            if is_latched(offers):
+                self._latched.add(topic)
         except KeyError:
             problem = f"the type {types[0]} is not known to bags"
         if problem:
@@ -86,11 +99,30 @@ class RecordNode(GuardedNode):
     def _writer(self, topic: str, type_name: str) -> Callable[[bytes], None]:
         def write(data: bytes) -> None:
             with giving_up(self):
-                if not self._bag.counts[topic]:
+                if topic not in self._heard:
+                    self._heard.add(topic)
                     self.get_logger().info(FIRST_HEARD.format(topic))
-                self._bag.write(topic, type_name, self.get_clock().now().nanoseconds, data)
+                self._write(topic, type_name, data)
 
         return write
+
+    def _write(self, topic: str, type_name: str, data: bytes) -> None:
+        """Write a message down, and say so to a replay in lock-step that waits for it.
+
+        Before the first `/clock` of a simulation there is no time: what is latched waits for it, all else is left out.
+        """
+        now_ns = self.get_clock().now().nanoseconds
+        if self._simulated and now_ns == 0:
+            if topic in self._latched:
+                self._early.append((topic, type_name, data))
+            else:
+                self._before_clock += 1
+            return
+        early, self._early = self._early, []
+        for message in (*early, (topic, type_name, data)):
+            self._bag.write(*message[:2], now_ns, message[2])
+        if self._recorded is not None and topic == self._handled:
+            self._recorded.publish(data)
 
     def _flush(self) -> None:
         with giving_up(self):

@@ -29,12 +29,14 @@ def demo(
 
         mild demo --scene hand_wave
     """
+    from mild_ros.assembly.perception import skeleton_source
     from mild_ros.bag_camera import keep_camera, with_camera
     from mild_ros.command_line.results import leave, run_with_progress, tell
     from mild_ros.demo import RunOptions
     from mild_ros.scenes import SCENES
     from mild_ros.settings import PipelineParameters
     from mild_ros.share import share_folder
+    from mild_ros.stillness import counts_of, has_moved, why_still
 
     scenes = sorted(each.name for each in SCENES)
     if scene not in scenes:
@@ -51,3 +53,6 @@ def demo(
         raise SetupError("demo", "the robot was sent no command", f"see {out / 'log'}")
     if not shown.report.limits.kept:
         raise SetupError("demo", "a command broke a limit", "please report it with the recorded bag")
+    if not has_moved(shown.run.commands):
+        why, remedy = why_still(shown.run, skeleton_source(options.pipeline), counts_of(shown.run))
+        raise SetupError("demo", f"the robot never moved: {why}", remedy)

@@ -37,11 +37,13 @@ class Shown:
     Attributes:
         report: The numbers.
         files: What to look at, in order.
+        run: What they are of.
         problems: Why a picture is missing, a line each.
     """
 
     report: Report
     files: tuple[Path, ...]
+    run: RecordedRun
     problems: tuple[str, ...] = ()
 
 
@@ -120,7 +122,7 @@ def leave(recorded: Path, out: Path, options: RunOptions, title: str, console: C
                 problems.append(f"no {name}: {_reason(error)}")
             else:
                 made += [out / name] * (name != "scene")
-    return Shown(report, (*made, out / NUMBERS), tuple(problems))
+    return Shown(report, (*made, out / NUMBERS), run, tuple(problems))
 
 
 def _reason(error: Exception) -> str:
@@ -144,11 +146,14 @@ def tell(shown: Shown, title: str, console: Console) -> None:
 def _lines(report: Report) -> list[tuple[str, str]]:
     """What is told of a run: a name and a value each."""
     lines = [("skeleton stamp → command sent", _told(report.sent_ages_ms))]
-    lines.append(("skeleton stamp → first command received", _percentiles(report.answer_ages_ms)))
-    lines.append(("age of the skeleton behind any command", _percentiles(report.command_ages_ms)))
+    none = "not told" if report.commands else "no command"
+    lines.append(("skeleton stamp → first command received", _percentiles(report.answer_ages_ms, none)))
+    lines.append(("age of the skeleton behind any command", _percentiles(report.command_ages_ms, none)))
     lines.append(("rates", ", ".join(f"{name} {rate:.1f} Hz" for name, rate in report.rates_hz.items())))
     lines.append(("tracker messages", ", ".join(f"{number} {name}" for name, number in report.fates.items()) or "-"))
     lines.append(("lost before perception", "not told" if report.lost is None else str(report.lost)))
+    if report.unrecorded:
+        lines.append(("seen, but not recorded", str(report.unrecorded)))
     if report.limits is not None:
         used = report.limits
         shares = f"position {used.position:.0%}, velocity {used.velocity:.0%}, acceleration {used.acceleration:.0%}"
@@ -167,9 +172,9 @@ def _told(ages_ms: tuple[float, float, float] | None) -> str:
     return "median {:.1f} ms, 99 % below {:.1f} ms, greatest {:.1f} ms".format(*ages_ms)
 
 
-def _percentiles(ages_ms: FloatArray) -> str:
+def _percentiles(ages_ms: FloatArray, none: str) -> str:
     if not len(ages_ms):
-        return "no command"
+        return none
     middle, high, top = np.percentile(ages_ms, [50, 99, 100])
     return _told((float(middle), float(high), float(top)))
 
@@ -190,6 +195,7 @@ def as_data(run: RecordedRun, report: Report) -> dict[str, Any]:
         "rates_hz": dict(report.rates_hz),
         "fates": dict(report.fates),
         "lost": report.lost,
+        "unrecorded": report.unrecorded,
         "limits": None if limits is None else {**vars(limits), "kept": limits.kept},
         "error_deg": report.error_deg,
         "predicted_error_deg": report.predicted_error_deg,

@@ -9,6 +9,8 @@ MESSAGES = ("test/ros/test_messages.py",)
 SKELETONS = ("test/ros/test_skeleton_messages.py", "test/ros/test_sources.py", "test/ros/test_joint_by_joint.py")
 REPLAY = ("test/replay/test_replay_events.py", "test/replay/test_encoding.py", "test/replay/test_replay.py")
 SALVAGE = ("test/replay/test_broken_bags.py",)
+INPUTS, STILL = ("test/replay/test_inputs.py",), ("test/replay/test_stillness.py",)
+AGES = ("test/replay/test_bags_of_another_age.py",)
 
 FAULTS = (
     Fault(
@@ -164,6 +166,94 @@ FAULTS = (
         SKELETONS,
     ),
     Fault(
+        "a quaternion of any length",
+        "A frame is moved by a rotation that is none.",
+        "mild_ros/messages/transforms.py",
+        "if abs(norm - 1.0) > UNIT_TO:",
+        "if norm == 0.0:",
+        INPUTS,
+    ),
+    Fault(
+        "short quaternions shorten",
+        "A quaternion of short decimals is taken as it is, and moves what hangs on it.",
+        "mild_ros/messages/transforms.py",
+        "length = math.hypot(rotation.x, rotation.y, rotation.z, rotation.w)",
+        "length = 1.0",
+        INPUTS,
+    ),
+    Fault(
+        "latched messages begin with the replay",
+        "What was latched before `--start` is not sent.",
+        "mild_ros/replay.py",
+        "if start_ns is not None and latched else ():",
+        "if start_ns is None and latched else ():",
+        INPUTS,
+    ),
+    Fault(
+        "a device's clock is the recorder's",
+        "Stamps of a clock of its own are taken as they are.",
+        "mild_ros/replay.py",
+        "if clock.shift_ns == 0:",
+        "if clock.shift_ns is not None:",
+        INPUTS,
+    ),
+    Fault(
+        "the newest version only",
+        "A bag without definitions is read as if it were of Jazzy.",
+        "mild_ros/bag_types.py",
+        "for index in (place, *range(len(forms)))",
+        "for index in (0,)",
+        AGES,
+    ),
+    Fault(
+        "fields by their place",
+        "A bag's own definition counts only where its types differ from those of Jazzy, not its names.",
+        "mild_ros/bag_types.py",
+        "return mine == theirs and all(",
+        "return [kind for _, kind in mine] == [kind for _, kind in theirs] and all(",
+        AGES,
+    ),
+    Fault(
+        "a summary is believed",
+        "An mcap whose summary leaves out what rosbags relies on is read without what is missing.",
+        "mild_ros/salvage_mcap.py",
+        "if counted != reader.metadata.message_count or not named:",
+        "if counted > reader.metadata.message_count:",
+        AGES,
+    ),
+    Fault(
+        "paths as addresses",
+        "A `#` or `?` in a path ends it.",
+        "mild_ros/bag_budgets.py",
+        'apsw.Connection(f"file:{quote(path)}?{query}"',
+        'apsw.Connection(f"file:{path}?{query}"',
+        AGES,
+    ),
+    Fault(
+        "a lock-step without its recorder",
+        "The next event is sent before a recorder has written down the one before.",
+        "mild_ros/sending.py",
+        "return self._tokens == 0 and self._begun and self._told <= self._recorded",
+        "return self._tokens == 0 and self._begun",
+        REPLAY,
+    ),
+    Fault(
+        "fewer than none were lost",
+        "Messages that only the recorder missed count as lost before perception, below zero.",
+        "mild_ros/report.py",
+        "lost=max(len(run.tracker_arrived_ns) - len(seen), 0) if seen else None,",
+        "lost=len(run.tracker_arrived_ns) - len(seen) if seen else None,",
+        STILL,
+    ),
+    Fault(
+        "whoever trembles has moved",
+        "A robot that stayed where it was counts as one that moved.",
+        "mild_ros/stillness.py",
+        ".max() > STILL_RAD)",
+        ".max() > 0.0)",
+        STILL,
+    ),
+    Fault(
         "ticks after the message",
         "A tick at the time of a message comes after it, other than over DDS.",
         "mild_ros/replay_events.py",
@@ -223,8 +313,8 @@ FAULTS = (
         "shift in the wrong direction",
         "A restamped message is moved back by what it should be moved on.",
         "mild_ros/encoding.py",
-        'values["nanosec"] + shift_ns, 10**9)',
-        'values["nanosec"] - shift_ns, 10**9)',
+        "return stamp_ns + shift_ns if at_ns is None else at_ns",
+        "return stamp_ns - shift_ns if at_ns is None else at_ns",
         REPLAY,
     ),
     Fault(

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import subprocess
 import time
 from collections.abc import Iterable
@@ -123,15 +124,22 @@ def test_links_within_the_bag_and_to_the_bag_are_followed(tmp_path: Path) -> Non
 
 def test_a_bag_of_links_says_how_to_open_it_and_that_works(tmp_path: Path) -> None:
     """As caches and data set managers lay out files."""
-    bag = tmp_path / "bag"
-    write_ours(bag)
+    bag = tmp_path / "my bag"
+    write_ours(tmp_path / "bag")
+    (tmp_path / "bag").rename(bag)
     (bag / "bag.mcap").rename(tmp_path / "0a1b")
     (bag / "bag.mcap").symlink_to("../0a1b")
-    words = r"bag\.mcap: is a link out of the bag, to .*/0a1b; if you trust it: cp -rL bag COPY"
-    with pytest.raises(BagError, match=words), open_bag(bag):
-        pass
-    subprocess.run(["cp", "-rL", bag, tmp_path / "COPY"], check=True)
+    words = r"bag\.mcap: is a link out of the bag, to .*/0a1b; if you trust it: cp -rL .*/my bag' COPY"
+    for salvage in (False, True):
+        with pytest.raises(BagError, match=words) as refused, open_bag(bag, salvage=salvage):
+            pass
+    followed = str(refused.value).partition("if you trust it: ")[2]
+    subprocess.run(shlex.split(followed), check=True, cwd=tmp_path)
     assert opened(tmp_path / "COPY", salvage=False).read == 24
+    (tmp_path / "0a1b").unlink()
+    for salvage in (False, True):
+        with pytest.raises(BagError, match="restore what it leads to"), open_bag(bag, salvage=salvage):
+            pass
 
 
 @pytest.mark.slow

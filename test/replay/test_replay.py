@@ -243,14 +243,31 @@ def test_motion_capture_and_a_partners_arm_reach_pepper_through_three_nodes(
 @pytest.mark.slow
 @pytest.mark.parametrize("nodes", list(STAGES.values()), ids=list(STAGES))
 def test_two_roads_give_the_same_commands(
-    nodes: tuple[str, ...], scene: Path, model: Path, in_process: tuple[ReplaySummary, Path], listener: Listener
+    nodes: tuple[str, ...],
+    scene: Path,
+    model: Path,
+    in_process: tuple[ReplaySummary, Path],
+    listener: Listener,
+    tmp_path: Path,
 ) -> None:
-    expected = command_bytes(in_process[1])
-    same_bits(through_nodes(nodes, scene, listener, len(expected), {"model": model}), expected)
+    """A recorder is part of the lock-step: it writes down all, at times of the bag."""
+    expected, recorded = command_bytes(in_process[1]), tmp_path / "recorded"
+    same_bits(through_nodes(nodes, scene, listener, len(expected), {"model": model}, recorded), expected)
+    with open_bag(scene) as given, open_bag(recorded) as bag:
+        assert [encode(bag.decode(raw)) for raw in bag.messages(["/joint_command"])] == expected
+        sent = sum(summary.count for topic, summary in given.topics.items() if topic != "/joint_states")
+        assert bag.topics["/skeleton"].count == sent
+        assert 0 <= bag.start_ns - given.start_ns < 10**9
+        assert bag.duration_s <= given.duration_s + 0.1
 
 
 def through_nodes(
-    nodes: tuple[str, ...], scene: Path, listener: Listener, count: int, shared: dict[str, object]
+    nodes: tuple[str, ...],
+    scene: Path,
+    listener: Listener,
+    count: int,
+    shared: dict[str, object],
+    recorded: Path | None = None,
 ) -> list[JointState]:
     """The first `count` commands of real nodes with `shared` parameters, the scene replayed to them in lock-step."""
     executor = SingleThreadedExecutor()
@@ -265,6 +282,10 @@ def through_nodes(
         known = {entry.name for entry in fields(ReplayParameters)}
         replaying |= {name: value for name, value in shared.items() if name in known}
         replaying |= {"joint_states": "home"} if "robot" in shared else {}
+        if recorded is not None:
+            replaying |= {"recorders": 1, "subscribers": 2}
+            recording = {"bag": recorded, "topics": "[skeleton, joint_command, handled]", "report_recorded": True}
+            stack.enter_context(node("record", recording | {"use_sim_time": True}))
         replay = stack.enter_context(node("replay", replaying))
 
         def complete() -> bool:
