@@ -62,7 +62,7 @@ def train(
     ] = 0,
     errors: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="cross_validation_<protocol>.json of `mild evaluate --cv`, for the card."),
+        typer.Option(metavar="FILE", help="`cross_validation_<protocol>.json` of `mild evaluate --cv`, for the card."),
     ] = None,
 ) -> None:
     """Learns a model from demonstrations.

@@ -19,7 +19,7 @@ def view(
     config: Config = "",
     given: Given = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="FOLDER", help="Where the files go [default: out/view/<bag>].")
+        Path | None, typer.Option(metavar="FOLDER", help="Where the files go [default: `out/view/<bag>`].")
     ] = None,
     salvage: Salvage = False,
     browser: Annotated[bool, typer.Option("--open", help="Open the page in a browser.")] = False,
