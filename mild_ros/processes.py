@@ -42,6 +42,13 @@ PYTHON = (sys.executable, "-P")
 _DIE_WITH_PARENT = 1
 """PR_SET_PDEATHSIG of prctl(2)."""
 
+_PRCTL = ctypes.CDLL(None).prctl
+
+
+def end_with_parent() -> None:
+    """Called in a child between fork and exec: when its parent is killed outright, it is killed too."""
+    _PRCTL(_DIE_WITH_PARENT, signal.SIGKILL)
+
 
 @contextmanager
 def private_domain() -> Iterator[int]:
@@ -120,7 +127,6 @@ class Nodes:
         self._running: dict[str, subprocess.Popen[bytes]] = {}
         own = {"ROS_LOG_DIR": str(log_folder), "PYTHONUNBUFFERED": "1", "PYTHONSAFEPATH": "1"}
         self._environment = local_environment(os.environ, domain) | own
-        self._prctl = ctypes.CDLL(None).prctl
 
     def __enter__(self) -> Nodes:
         self._before = signal.signal(signal.SIGTERM, _interrupt)
@@ -144,7 +150,7 @@ class Nodes:
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,  # control-C reaches this process, which then ends them in order
-                preexec_fn=self._end_with_parent,
+                preexec_fn=end_with_parent,
             )
 
     def has_ended(self, name: str) -> bool:
@@ -200,9 +206,6 @@ class Nodes:
         lines = [line.strip() for line in self._log(name).read_text(errors="replace").splitlines() if line.strip()]
         said = lines[-1].removeprefix(f"mild_ros {name}: ") if lines else "said nothing"
         return f"ended with code {code}: {said}"
-
-    def _end_with_parent(self) -> None:
-        self._prctl(_DIE_WITH_PARENT, signal.SIGKILL)
 
 
 def _interrupt(_number: int, _frame: FrameType | None) -> None:

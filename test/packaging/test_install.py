@@ -102,6 +102,21 @@ def test_ros2_run_finds_the_executables(installed: Installed) -> None:
 
 
 @pytest.mark.slow
+def test_pip_puts_mild_alone_into_the_path(by_pip: Installed) -> None:
+    ours = {path.name for path in (by_pip.prefix / "bin").iterdir() if path.name in EXECUTABLES}
+    assert ours == {"mild"}
+
+
+@pytest.mark.slow
+def test_mild_run_finds_the_nodes(by_pip: Installed, tmp_path: Path) -> None:
+    """And so does the launcher for `ros2 run`, which calls it."""
+    for command in (["bin/mild", "run", "record"], ["lib/mild_ros/record"]):
+        words = [str(by_pip.prefix / command[0]), *command[1:], "--ros-args", "-p", f"bag:={tmp_path}"]
+        result = run(words, tmp_path, **by_pip.variables)
+        assert (result.returncode, "exists already" in result.stderr) == (2, True), result.stderr
+
+
+@pytest.mark.slow
 def test_an_executable_starts_what_was_installed(installed: Installed, tmp_path: Path) -> None:
     """A wrong set-up ends it at once, with the line that tells of it: so it found its code, ROS and its models."""
     node = str(installed.prefix / "lib" / "mild_ros" / "inference")

@@ -96,6 +96,7 @@ def test_another_robots_tracker_is_not_offered(start: Callable[..., NodeProcess]
         around = Surroundings(probe, "right/perception")
         around.connect()
         around.until_status(WARN, "nobody publishes /right/skeleton (visualization_msgs/msg/MarkerArray): start the")
+        assert "left" not in around.status()[1]
         free = probe.node.create_publisher(MarkerArray, "/camera_right/bodies", qos_profile_sensor_data)
         around.until_status(WARN, "remap it, e.g. -r skeleton:=/camera_right/bodies")
         for publisher in (rival, taken, free):
