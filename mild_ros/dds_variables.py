@@ -17,6 +17,9 @@ PROFILES_HERE = ("DEFAULT_FASTRTPS_PROFILES.xml", "DEFAULT_FASTDDS_PROFILES.xml"
 UNNAMED = "a node without a name"
 """A node that is seen, and of which not even the name arrives."""
 
+PAIRED = "pair_"
+"""Names of two processes that look for each other begin so."""
+
 RANGES = ("SUBNET", "LOCALHOST", "OFF", "SYSTEM_DEFAULT")
 
 OWN_SERVERS = ("127.0.0.1", "localhost", "0.0.0.0")

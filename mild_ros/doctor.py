@@ -22,7 +22,7 @@ from typing import Any
 
 from mild_core.errors import MildError
 from mild_core.inference.model import load_model
-from mild_ros.dds_variables import HARMLESS, PROFILES_HERE, UNNAMED, given
+from mild_ros.dds_variables import HARMLESS, PAIRED, PROFILES_HERE, UNNAMED, given
 from mild_ros.processes import DOMAINS, PYTHON, shared_memory_owners
 from mild_ros.share import model_folder, model_names
 from mild_ros.simulation.quiet import quiet_terminal
@@ -163,7 +163,7 @@ def discovery() -> Finding:
 
 def _deaf(patience_s: float, environment: Mapping[str, str]) -> str | None:
     """Why two processes do not hear each other; None when they do."""
-    names = (f"one_{os.getpid()}", f"two_{os.getpid()}")
+    names = (f"{PAIRED}one_{os.getpid()}", f"{PAIRED}two_{os.getpid()}")
     both = (("hello", own, patience_s, other) for own, other in (names, names[::-1]))
     ends = _heard(*both, environment=environment)
     deaf = [said for said, other in zip(ends, reversed(names), strict=True) if other not in said]

@@ -26,7 +26,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 from std_msgs.msg import String
 
-from mild_ros.dds_variables import UNNAMED
+from mild_ros.dds_variables import PAIRED, UNNAMED
 from mild_ros.message_types import message_class
 from mild_ros.quality_of_service import SENSOR
 
@@ -54,6 +54,11 @@ def hello(node: Node, name: str, seconds: float, wanted: str = "") -> list[str]:
         The names heard, sorted.
     """
     heard: set[str] = set()
+
+    def others() -> set[str]:
+        """Names of others; whoever looks for anybody means no pair of processes that look for each other."""
+        return {one for one in heard - {name} if wanted or not one.startswith(PAIRED)}
+
     node.create_subscription(String, "/mild_doctor", lambda message: heard.add(message.data), 10)
     sender = node.create_publisher(String, "/mild_doctor", 10)
     node.create_timer(PERIOD_S, lambda: sender.publish(String(data=name)))  # it hears itself too: no loop sets the pace
@@ -61,10 +66,9 @@ def hello(node: Node, name: str, seconds: float, wanted: str = "") -> list[str]:
     found = False
     while time.monotonic() < end_s:
         rclpy.spin_once(node, timeout_sec=PERIOD_S)
-        others = heard - {name}
-        if not found and (wanted in others if wanted else bool(others)):
+        if not found and (wanted in others() if wanted else bool(others())):
             found, end_s = True, min(end_s, time.monotonic() + STAY_S)
-    return sorted(heard - {name})
+    return sorted(others())
 
 
 def reports(node: Node, seconds: float) -> dict[str, dict[str, Any]]:

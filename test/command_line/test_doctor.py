@@ -137,6 +137,7 @@ def test_a_variable_that_makes_nodes_deaf_is_named_as_the_cause(
     monkeypatch.setenv("ROS_DISCOVERY_SERVER", NO_SERVER)
     monkeypatch.setenv("ROS_STATIC_PEERS", "127.0.0.1")
     monkeypatch.setattr(doctor, "DISCOVERY_PATIENCE_S", 3.0)
+    monkeypatch.setattr(doctor, "AGAIN_PATIENCE_S", 6.0)
     finding = doctor.discovery()
     assert not finding.well
     assert finding.remedy.startswith(f"unset ROS_DISCOVERY_SERVER: with ROS_DISCOVERY_SERVER={NO_SERVER} nobody")
@@ -232,6 +233,7 @@ def test_without_ros_it_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_without_another_machine_it_says_what_to_do(ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(doctor, "MACHINES_PATIENCE_S", 0.5)
+    monkeypatch.setattr(doctor, "LISTENING", ())
     with doctor.examinations(machines=True) as asked:
         finding = asked[-1]()
     assert (finding.subject, finding.well) == ("Other machines", False)
