@@ -466,6 +466,7 @@ def _span(time_ns: int) -> str:
 # What is put into another library's place is checked by the tests that open hostile bags, not by types.
 _mcap: Any = storage_mcap
 _reader: Any = reader
+_sqlite3: Any = storage_sqlite3
 _MSGSRC, _DECOMPRESS, _ZSTD, _PARSE_QOS = _mcap.msgsrc, _mcap.decompress, _reader.zstd, metadata.parse_qos
 
 
@@ -486,7 +487,7 @@ def bound_rosbags() -> None:
         module.parse_qos = _parse_qos
     apsw.connection_hooks.append(_bounded_database)
     # rosbags makes an address of the path, in which `?`, `#` and `%` mean something.
-    storage_sqlite3.apsw = SimpleNamespace(**{**vars(apsw), "Connection": _database})
+    _sqlite3.apsw = SimpleNamespace(**{**vars(apsw), "Connection": _database})
 
 
 bound_rosbags()

@@ -14,9 +14,11 @@ from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 from mild_core.errors import SetupError
@@ -31,7 +33,7 @@ SETTLE_S = 0.3
 ANSWER_S = 5.0
 """Longest wait for the answer of a service."""
 
-SERVICES: Mapping[str, type[Any]] = {"hold": SetBool, "enable": SetBool, "reset": Trigger}
+SERVICES: Mapping[str, type[Any]] = {"hold": SetBool, "enable": SetBool, "reset": Trigger, "pause": SetBool}
 """Private services (`~/hold`) of our nodes, by their last name."""
 
 LEVELS = {DiagnosticStatus.OK: "ok", DiagnosticStatus.WARN: "warning", DiagnosticStatus.ERROR: "ERROR"}
@@ -101,6 +103,22 @@ class OperatorClient:
             raise SetupError(", ".join(silent), problem, "is the node alive? see ./mild status")
         found = {service: future.result() for service, future in futures.items()}
         return [Answer(service, bool(one.success), str(one.message)) for service, one in found.items()]
+
+    def say(self, topic: str, text: str) -> int:
+        """Publish a text once, to all who listen; returns how many.
+
+        Raises:
+            SetupError: Nobody does.
+        """
+        publisher = self._node.create_publisher(String, topic, 10)
+        self._until(lambda: publisher.get_subscription_count() > 0, DISCOVERY_S)
+        if not publisher.get_subscription_count():
+            problem = f"nobody listens in ROS domain {domain_id()} within {DISCOVERY_S:g} s"
+            raise SetupError(topic, problem, "start ./mild record first; same ROS_DOMAIN_ID? see ./mild doctor")
+        self._until(lambda: False, SETTLE_S)
+        publisher.publish(String(data=text))
+        publisher.wait_for_all_acked(Duration(seconds=ANSWER_S))
+        return int(publisher.get_subscription_count())
 
     def statuses(self, patience_s: float = DISCOVERY_S) -> list[NodeStatus]:
         """What the nodes of ours in this domain report, by name; nodes report once a second."""

@@ -11,6 +11,7 @@ from sensor_msgs.msg import JointState
 from mild_core.errors import DataError
 from mild_core.pipeline import PipelineInput, PipelineOutput, inputs_of_retargeting
 from mild_core.retargeting.stage import Request
+from mild_ros.assembly.arguments import check_parameters
 from mild_ros.assembly.inference import load
 from mild_ros.assembly.pipeline import make_pipeline
 from mild_ros.calibration_file import CalibrationFile
@@ -34,6 +35,7 @@ class PipelineNode(StageNode):
     def __init__(self) -> None:
         super().__init__("pipeline")
         parameters = declare(self, PipelineParameters)
+        check_parameters(parameters)
         tracker = Tracker(parameters, "pipeline")
         model = load(parameters.model)
         self._pipeline = make_pipeline(parameters, model)

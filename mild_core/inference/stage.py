@@ -23,7 +23,8 @@ from functools import cached_property
 
 import numpy as np
 
-from mild_core.errors import DataError, unknown_name
+from mild_core.errors import DataError
+from mild_core.inference.manifest import AUTO
 from mild_core.inference.member import Generated, MemberState, Told, combined, make_told
 from mild_core.inference.motion_model import MildModel
 from mild_core.inference.priors.filtering import UNDERFLOW
@@ -35,15 +36,11 @@ from mild_core.joint_measurements import JointMerger
 from mild_core.shapes import FloatArray, read_only
 from mild_core.signals import FeatureWindow, JointMeasurement, MotionWindow
 
-AUTO = "auto"
-"""Recognise the interaction instead of being told."""
-
 DECIDED = 0.5
 """Probability from which a recognised interaction is named."""
 
 NEGLIGIBLE = 1e-3
 """Probability of an interaction below which what it would answer is not asked for."""
-
 
 FAST_JOINT_RAD_S = 10.0
 """Speed of the joints of an arm whose limits are unknown."""
@@ -71,9 +68,7 @@ class Inference:
     joint_velocity_rad_s: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        names = self.model.manifest.interactions
-        if self.interaction not in (AUTO, *names):
-            raise unknown_name(f"interaction of model {self.model.manifest.name}", self.interaction, (AUTO, *names))
+        self.model.manifest.check_interaction(self.interaction)
 
     @cached_property
     def _told(self) -> tuple[Told, ...]:

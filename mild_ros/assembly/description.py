@@ -139,9 +139,10 @@ def _found(name: str, near: Path) -> Path | None:
 
 def _folders(package: str, near: Path) -> Iterator[Path]:
     """Where a package may be, installed or in the source tree around the description."""
-    from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
+    # Not there, nothing is installed, or no name at all; PackageNotFoundError is a LookupError.
+    with suppress(ImportError, LookupError, OSError, ValueError):
+        from ament_index_python.packages import get_package_share_directory
 
-    with suppress(PackageNotFoundError, OSError, ValueError):  # not there, nothing is installed, or no name at all
         yield Path(get_package_share_directory(package))
     for folder in (near, *near.parents):
         yield from (folder, folder.parent / package) if folder.name == package else (folder / package,)

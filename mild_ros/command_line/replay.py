@@ -6,6 +6,7 @@ from __future__ import annotations
 import shutil
 import tempfile
 from collections.abc import Mapping
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -72,10 +73,10 @@ def replay(
 
         mild replay --dataset nuisi --trial 0 --model nuisi_partner_next -p robot:=pepper
     """
+    from mild_ros.assembly.arguments import check_parameters
     from mild_ros.assembly.perception import skeleton_source
     from mild_ros.bag_camera import keep_camera, with_camera
-    from mild_ros.command_line.results import leave, run_with_progress, tell, tell_lost
-    from mild_ros.demo import RunOptions
+    from mild_ros.command_line.lost import tell_lost
     from mild_ros.parameter_files import read_parameters
     from mild_ros.settings import PipelineParameters
     from mild_ros.stillness import counts_of, has_moved, why_still
@@ -85,15 +86,23 @@ def replay(
     nodes = dds or lock_step or bool(dataset)
     _check_possible(rate=rate != 1.0 and (lock_step or not nodes), loop=loop and not nodes, paused=paused and not nodes)
     named = {"model": model, "interaction": interaction, "source": source}
+    if nodes:
+        import_module("rclpy")  # where ROS is missing, that is said before the rest is loaded
     parameters = read_parameters(PipelineParameters, "pipeline", config, given or (), **named)
+    check_parameters(parameters)
     console = Console()
+    if bag:
+        tell_lost(bag, salvage, console)
+    # Only now, as it takes its time to load: what draws and simulates.
+    from mild_ros.command_line.results import leave, run_with_progress, tell
+    from mild_ros.demo import RunOptions
+
     folder = out or Path("out/replay") / (bag.resolve().stem if bag else f"{dataset}_{trial}")
     with tempfile.TemporaryDirectory(prefix="mild_trial_") as scratch:
         title = bag.resolve().name if bag else _write_trial(dataset, data, trial, Path(scratch, "trial"), parameters)
         bag = bag or Path(scratch, "trial")
         parameters = with_camera(parameters, bag, given or ())
         asked = RunOptions(parameters, topic, lock_step, salvage, start, rate, loop)
-        tell_lost(bag, salvage, console)
         _check_source(bag, asked)
         counts: Mapping[str, Mapping[str, int]] = {}
         detail = ""

@@ -17,7 +17,6 @@ from mild_core.errors import MildError, SetupError
 from mild_core.retargeting.robot_file import find_robot
 from mild_core.shapes import FloatArray
 from mild_ros.assembly.perception import make_perception, manifest_of, skeleton_source
-from mild_ros.bags import open_bag
 from mild_ros.command_line.console import Console
 from mild_ros.demo import RunOptions, run_nodes
 from mild_ros.report import Report, make_report
@@ -55,7 +54,7 @@ def run_with_progress(bag: Path, out: Path, options: RunOptions, console: Consol
     """
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True) as progress:
-        task = progress.add_task("starting nodes", total=1.0)
+        task = progress.add_task("", total=1.0)
 
         def wait_for_enter() -> None:
             progress.stop()
@@ -65,24 +64,12 @@ def run_with_progress(bag: Path, out: Path, options: RunOptions, console: Consol
                 raise SetupError("--paused", "nobody is there to press Enter", "leave it out") from None
             progress.start()
 
-        return run_nodes(
-            bag,
-            out,
-            options,
-            lambda what, share: progress.update(task, description=what, completed=share),
-            wait_for_enter if paused else lambda: None,
-        )
+        def tell(what: str, share: float) -> None:
+            if not console.is_terminal and what != progress.tasks[0].description:
+                progress.console.print(what)  # without a terminal there is no bar
+            progress.update(task, description=what, completed=share)
 
-
-def tell_lost(bag: Path, salvage: bool, console: Console) -> None:
-    """Say what of a bag could not be read, if anything.
-
-    Raises:
-        BagError: Nothing can.
-    """
-    with open_bag(bag, salvage=salvage) as opened:
-        if opened.lost:
-            console.print(f"{bag}: {opened.lost}", style="yellow", highlight=False, soft_wrap=True)
+        return run_nodes(bag, out, options, tell, wait_for_enter if paused else lambda: None)
 
 
 def leave(recorded: Path, out: Path, options: RunOptions, title: str, console: Console) -> Shown:

@@ -62,7 +62,7 @@ def train(
     ] = 0,
     errors: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="cross_validation_<protocol>.json of `mild evaluate --cv`, for the card."),
+        typer.Option(metavar="FILE", help="`cross_validation_<protocol>.json` of `mild evaluate --cv`, for the card."),
     ] = None,
 ) -> None:
     """Learns a model from demonstrations.
@@ -92,7 +92,7 @@ def train(
     twice as many make the error less than a hundredth smaller: it has levelled off. The model then learns from all
     trials for as many epochs as were enough; its card says how many.
 
-    The folder then works wherever a model is named: `ros2 run mild_ros pipeline --ros-args -p model:=my_model`. Without
+    The folder then works wherever a model is named: `mild run pipeline -p model:=my_model`. Without
     --errors the uncertainty is measured on the training trials themselves and so too small; the card says so.
 
     What is interrupted, by Control-C or by force, goes on from its last whole epoch when the same command is given
