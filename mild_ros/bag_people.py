@@ -13,6 +13,7 @@ from mild_core.perception.skeletons import SkeletonSource
 from mild_ros.bags import BagReader, topic_of_type
 from mild_ros.messages.feeds import SKELETON_TOPIC, Feed
 from mild_ros.messages.joint_by_joint import People
+from mild_ros.messages.misfits import misfit
 from mild_ros.messages.skeletons import ADAPTERS
 
 
@@ -59,3 +60,22 @@ def people_in_bag(bag: BagReader, source: SkeletonSource, wanted: str = "") -> I
             continue
         if people is not None:
             yield raw.time_ns, people
+
+
+def look_for_people(bag: BagReader, source: SkeletonSource, wanted: str = "") -> None:
+    """Look whether a source sees anybody in a bag at all, which its first messages tell as a rule.
+
+    Raises:
+        BagError: As `people_in_bag`, or nobody is seen: then with the source that its messages are of.
+    """
+    feeds, wrong = skeleton_feeds(bag, source, wanted), ""
+    for raw in bag.messages(feeds):
+        try:
+            message = bag.decode(raw)
+            wrong = wrong or misfit(message, source)
+            if feeds[raw.topic].read(message, raw.time_ns):
+                return
+        except DataError:
+            continue
+    problem = f"shows nobody to {source.name}{wrong and f': {wrong}'}"
+    raise BagError(str(bag.path), problem, "or choose another bag" if wrong else "choose another bag or source")

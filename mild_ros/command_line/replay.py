@@ -91,7 +91,7 @@ def replay(
         bag = bag or Path(scratch, "trial")
         parameters = with_camera(parameters, bag, given or ())
         asked = RunOptions(parameters, topic, lock_step, salvage, start, rate, loop)
-        tell_lost(bag, salvage, console)
+        tell_lost(bag, asked, console)
         by_nodes = partial(run_with_progress, paused=paused)
         recorded = (by_nodes if nodes else _in_process)(bag, folder, asked, console)
     keep_camera(recorded, parameters)

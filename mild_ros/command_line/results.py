@@ -17,6 +17,7 @@ from mild_core.errors import MildError, SetupError
 from mild_core.retargeting.robot_file import find_robot
 from mild_core.shapes import FloatArray
 from mild_ros.assembly.perception import make_perception, manifest_of, skeleton_source
+from mild_ros.bag_people import look_for_people
 from mild_ros.bags import open_bag
 from mild_ros.command_line.console import Console
 from mild_ros.demo import RunOptions, run_nodes
@@ -72,13 +73,14 @@ def run_with_progress(bag: Path, out: Path, options: RunOptions, console: Consol
         )
 
 
-def tell_lost(bag: Path, salvage: bool, console: Console) -> None:
-    """Say what of a bag could not be read, if anything.
+def tell_lost(bag: Path, options: RunOptions, console: Console) -> None:
+    """Say what of a bag could not be read, if anything, before it is run.
 
     Raises:
-        BagError: Nothing can.
+        BagError: Nothing can, or it shows nobody to the tracker that is meant.
     """
-    with open_bag(bag, salvage=salvage) as opened:
+    with open_bag(bag, salvage=options.salvage) as opened:
+        look_for_people(opened, skeleton_source(options.pipeline), options.skeleton_topic)
         if opened.lost:
             console.print(f"{bag}: {opened.lost}", style="yellow", highlight=False, soft_wrap=True)
 

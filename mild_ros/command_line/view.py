@@ -42,7 +42,7 @@ def view(
     parameters = read_parameters(PipelineParameters, "pipeline", config, given or (), model=model, source=source)
     parameters = with_camera(parameters, bag, given or ())
     options, console = RunOptions(parameters, salvage=salvage), Console()
-    tell_lost(bag, salvage, console)
+    tell_lost(bag, options, console)
     tell(leave(bag, folder, options, bag.resolve().name, console), str(bag), console)
     if browser:
         typer.launch((folder / PAGE).resolve().as_uri())
