@@ -17,6 +17,7 @@ from mild_core.errors import SetupError
 from mild_ros.bags import open_bag
 from mild_ros.command_line.main import main
 from mild_ros.command_line.run import NODES
+from mild_ros.operator_client import meant
 from mild_ros.running import check_words
 
 ROOT = Path(__file__).parents[2]
@@ -110,6 +111,22 @@ def test_where_nothing_runs_it_is_one_line(ros_domain: int) -> None:
         assert done.returncode == 2
         assert len(done.stderr.strip().splitlines()) == 1
         assert "ROS domain 102" in done.stderr
+
+
+def test_a_call_means_the_services_of_its_name_and_type_under_its_namespace() -> None:
+    setting, trigger = "std_srvs/srv/SetBool", "std_srvs/srv/Trigger"
+    found = [
+        ("/right/pipeline/hold", [setting]),
+        ("/left/pipeline/hold", [setting]),
+        ("/leftover/pipeline/hold", [setting]),
+        ("/left/pipeline/reset", [trigger]),
+        ("/left/gripper/hold", [trigger]),
+        ("/left/pipeline/withhold", [setting]),
+    ]
+    assert meant("hold", "", found) == ["/left/pipeline/hold", "/leftover/pipeline/hold", "/right/pipeline/hold"]
+    assert meant("hold", "/left/", found) == meant("hold", "left", found) == ["/left/pipeline/hold"]
+    assert meant("reset", "", found) == ["/left/pipeline/reset"]
+    assert meant("enable", "", found) == []
 
 
 def test_an_unknown_node_suggests_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:
