@@ -30,9 +30,9 @@ KEPT = 8
 JOINTS_KEPT = 16
 """The same of `joint_states`: a driver may say each joint in a message of its own."""
 
-PER_S, JOINTS_PER_S, PARTS_PER_S = 250.0, 2000.0, 4000.0
-"""Messages of a topic, of `joint_states`, and of a topic of many transforms, that are used per second at most: more
-than the fastest trackers (200 Hz) and drivers (1 kHz) send."""
+PER_S, JOINTS_PER_S, PARTS_PER_S = 250.0, 1000.0, 4000.0
+"""Messages of a topic, of `joint_states`, and of a topic of many transforms, that are used per second at most: as many
+as the fastest trackers (200 Hz) and drivers (1 kHz) send."""
 
 NOTICE_NS = 100_000_000
 """A thread that has nothing to do notices the end of the node within this time."""
