@@ -88,10 +88,15 @@ class Diagnostics:
         self._expected = (topic, *self._expected)
         self._streams.setdefault(topic, Stream())
 
-    def flowed(self, topic: str, stamp_ns: int | None = None) -> None:
-        """A message came or went; with its stamp, losses before it are told."""
+    def flowed(self, topic: str) -> None:
+        """A message came or went."""
         with self._lock:
-            self._streams.setdefault(topic, Stream()).add(time.monotonic(), stamp_ns)
+            self._streams.setdefault(topic, Stream()).add(time.monotonic())
+
+    def lost(self, topic: str, number: int) -> None:
+        """Messages never came, or newer ones took their place in DDS."""
+        with self._lock:
+            self._streams.setdefault(topic, Stream()).lost += number
 
     def took(self, what: str, duration_ns: int) -> None:
         """Something took a time or had an age."""

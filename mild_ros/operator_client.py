@@ -7,7 +7,7 @@ Does what `ros2 service call` and `ros2 topic echo` do, for installations withou
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -89,7 +89,7 @@ class OperatorClient:
             SetupError: No node has such a service, or one does not answer.
         """
         kind = SERVICES[name]
-        services = self._discovered(lambda: self._services(name, namespace))
+        services = self._discovered(lambda: meant(name, namespace, self._node.get_service_names_and_types()))
         if not services:
             where = f" under {namespace}" if namespace else ""
             problem = f"no node with ~/{name}{where} in ROS domain {domain_id()} within {DISCOVERY_S:g} s"
@@ -135,15 +135,6 @@ class OperatorClient:
         self._node.destroy_subscription(subscription)
         return [found[name] for name in sorted(found)]
 
-    def _services(self, name: str, namespace: str) -> list[str]:
-        wanted = f"std_srvs/srv/{SERVICES[name].__name__}"
-        prefix = f"/{namespace.strip('/')}/" if namespace.strip("/") else "/"
-        return sorted(
-            service
-            for service, types in self._node.get_service_names_and_types()
-            if service.endswith(f"/{name}") and service.startswith(prefix) and wanted in types
-        )
-
     def _discovered(self, look: Callable[[], list[str]]) -> list[str]:
         self._until(lambda: bool(look()), DISCOVERY_S)
         if look():
@@ -155,6 +146,17 @@ class OperatorClient:
         deadline_s = time.monotonic() + patience_s
         while not happened() and time.monotonic() < deadline_s:
             self._executor.spin_once(timeout_sec=0.02)
+
+
+def meant(name: str, namespace: str, found: Iterable[tuple[str, Sequence[str]]]) -> list[str]:
+    """Of all services found, with their types, those that a call of `~/name` under a namespace means."""
+    wanted = f"std_srvs/srv/{SERVICES[name].__name__}"
+    prefix = f"/{namespace.strip('/')}/" if namespace.strip("/") else "/"
+    return sorted(
+        service
+        for service, types in found
+        if service.endswith(f"/{name}") and service.startswith(prefix) and wanted in types
+    )
 
 
 @contextmanager

@@ -59,9 +59,10 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 @pytest.fixture(scope="session")
 def ros_domain() -> int:
-    """The ROS 2 domain that is this session's alone; already in the environment, for children too.
+    """The ROS 2 domain that is this session's alone, or this worker's; already in the environment, for children too.
 
-    Who talks over DDS asks for it, directly or by another fixture: `./mild test` runs such tests one by one.
+    Who talks over DDS asks for it, directly or by another fixture: `./mild test` runs such tests two at a time, and all
+    of a file in one worker, so that they share what a fixture of the module has started.
     """
     return int(os.environ["ROS_DOMAIN_ID"])
 

@@ -35,7 +35,7 @@ from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.retargeting.state import PAUSED_S, Request, RetargetingState
 from mild_core.retargeting.target import Plan, Pursuit
-from mild_core.retargeting.trajectory_stream import TrajectoryStream, limits_between_points, resumed
+from mild_core.retargeting.trajectory_stream import STAND_S, TrajectoryStream, limits_between_points, resumed
 from mild_core.retargeting.watchdog import after_gap, after_time_jump, known, with_ear
 from mild_core.retargeting.yielding import Yielding
 from mild_core.shapes import FloatArray, read_only
@@ -161,6 +161,8 @@ class Retargeting:
             return replace(state, commanded_ns=None), ()
         if state.commanded_ns is None and motion.resting and state.joints.disagree(now_ns):
             return state, ()  # nobody knows where the first command would have to begin
+        if state.commanded_ns is None:
+            state = replace(state, begun_ns=now_ns)
         elapsed_s = 0.0 if state.commanded_ns is None else (now_ns - state.commanded_ns) * 1e-9
         if self.settings.execution_delay_s:
             if elapsed_s > self.settings.max_gap_s:
@@ -178,8 +180,10 @@ class Retargeting:
         state = with_ear(with_rest(state, self.settings, now_ns), self.settings, now_ns)
         state = with_start(state, self.settings, self._guard.chain.offsets[0][:3, 3], now_ns)
         state = self._in_next_mode(state, motion, now_ns)
+        stands_ns = round(STAND_S * 1e9) if self.settings.execution_delay_s else 0
         try:
-            state, motion = self._advanced(state, motion, among, here, now_ns, elapsed_s)
+            if not 0 <= now_ns - state.begun_ns < stands_ns:
+                state, motion = self._advanced(state, motion, among, here, now_ns, elapsed_s)
         except NoPlanError:
             motion = JointMotion.at_rest(motion.position_rad)
             state = state.counted("no_plan")

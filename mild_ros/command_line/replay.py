@@ -76,7 +76,7 @@ def replay(
     from mild_ros.assembly.arguments import check_parameters
     from mild_ros.assembly.perception import skeleton_source
     from mild_ros.bag_camera import keep_camera, with_camera
-    from mild_ros.command_line.lost import tell_lost
+    from mild_ros.command_line.lost import check_source, tell_lost
     from mild_ros.parameter_files import read_parameters
     from mild_ros.settings import PipelineParameters
     from mild_ros.stillness import counts_of, has_moved, why_still
@@ -103,7 +103,7 @@ def replay(
         bag = bag or Path(scratch, "trial")
         parameters = with_camera(parameters, bag, given or ())
         asked = RunOptions(parameters, topic, lock_step, salvage, start, rate, loop)
-        _check_source(bag, asked)
+        check_source(bag, salvage, skeleton_source(parameters), topic)
         counts: Mapping[str, Mapping[str, int]] = {}
         detail = ""
         if nodes:
@@ -148,23 +148,6 @@ def _write_trial(dataset: str, data: Path | None, trial: int, folder: Path, para
     camera = facing_camera(there, found.interaction, Camera().arm_from_camera)
     write_camera(folder, {parameters.robot: camera_text(camera)})
     return f"{dataset}, trial {trial}: {found.interaction.replace('_', ' ')}"
-
-
-def _check_source(bag: Path, asked: RunOptions) -> None:
-    """Refuse a bag in which nobody can be seen with this source before anything is replayed.
-
-    Raises:
-        BagError: As the live check of the source says it.
-    """
-    from mild_ros.assembly.perception import skeleton_source
-    from mild_ros.bag_people import source_fault
-    from mild_ros.bags import open_bag
-
-    source = skeleton_source(asked.pipeline)
-    with open_bag(bag, salvage=asked.salvage) as opened:
-        fault, remedy = source_fault(opened, source, asked.skeleton_topic)
-    if fault:
-        raise BagError(str(bag), f"shows nobody to {source.name}: {fault}", remedy)
 
 
 def _in_process(

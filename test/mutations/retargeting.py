@@ -474,4 +474,20 @@ FAULTS = (
         "commands = new_commands",
         PIPELINE,
     ),
+    Fault(
+        "a stream begins in the past",
+        "A controller that holds a sagging robot elsewhere jumps at the first message.",
+        "mild_core/retargeting/trajectory_stream.py",
+        "stands_until_ns = now_ns + _ns(STAND_S)",
+        "stands_until_ns = now_ns",
+        ("test/ros/test_trajectory_stream.py",),
+    ),
+    Fault(
+        "a stream begins in motion",
+        "The first command moves before the controller is where the stream begins.",
+        "mild_core/retargeting/stage.py",
+        "stands_ns = round(STAND_S * 1e9) if self.settings.execution_delay_s else 0",
+        "stands_ns = 0",
+        ("test/ros/test_trajectory_stream.py",),
+    ),
 )

@@ -8,6 +8,9 @@ from test.mutations.fault import Fault
 MESSAGES = ("test/ros/test_messages.py",)
 SKELETONS = ("test/ros/test_skeleton_messages.py", "test/ros/test_sources.py", "test/ros/test_joint_by_joint.py")
 REPLAY = ("test/replay/test_replay_events.py", "test/replay/test_encoding.py", "test/replay/test_replay.py")
+OPERATOR = ("test/command_line/test_operate.py",)
+STANDARD = ("test/ros/test_standard_messages.py",)
+DATA = ("test/command_line/test_data.py",)
 SALVAGE = ("test/replay/test_broken_bags.py",)
 INPUTS, STILL = ("test/replay/test_inputs.py",), ("test/replay/test_stillness.py",)
 AGES = ("test/replay/test_bags_of_another_age.py",)
@@ -356,5 +359,77 @@ FAULTS = (
         "loss.messages, misses = loss.messages + misses, 0",
         "misses = 0",
         SALVAGE,
+    ),
+    Fault(
+        "a namespace by its first letters",
+        "A call to the nodes under `left` reaches those under `leftover` too.",
+        "mild_ros/operator_client.py",
+        """f"/{namespace.strip('/')}/" if namespace""",
+        """f"/{namespace.strip('/')}" if namespace""",
+        OPERATOR,
+    ),
+    Fault(
+        "a service by its name alone",
+        "A call reaches services of others that have the name and another type.",
+        "mild_ros/operator_client.py",
+        " and wanted in types",
+        "",
+        OPERATOR,
+    ),
+    Fault(
+        "a closed terminal kills the node",
+        "SIGHUP ends a node outright, with the robot in motion.",
+        "mild_ros/running.py",
+        "for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGALRM):",
+        "for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):",
+        ("test/ros/test_signals.py",),
+    ),
+    Fault(
+        "nohup is overruled",
+        "A node that was started to outlive its terminal ends with it.",
+        "mild_ros/running.py",
+        "if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:",
+        "if number:",
+        ("test/ros/test_signals.py",),
+    ),
+    Fault(
+        "lists of no length",
+        "A field of so many numbers is empty in a stand-in.",
+        "mild_ros/messages/standard.py",
+        "_zero(detail[0]) for _ in range(detail[1])",
+        "_zero(detail[0]) for _ in range(0)",
+        STANDARD,
+    ),
+    Fault(
+        "stand-ins take anything",
+        "A stand-in swallows a field that the message does not have.",
+        "mild_ros/messages/standard.py",
+        "        if given:\n",
+        "        if given is None:\n",
+        STANDARD,
+    ),
+    Fault(
+        "any content is kept",
+        "A recording whose content is not the publisher's is kept.",
+        "mild_ros/command_line/data.py",
+        "if digest.hexdigest() != download.sha256:",
+        "if size != download.size_bytes:",
+        DATA,
+    ),
+    Fault(
+        "half a file stays",
+        "What came of a recording before its publisher ceased to send lies about.",
+        "mild_ros/command_line/data.py",
+        "        Path(part).unlink(missing_ok=True)\n",
+        "        pass\n",
+        DATA,
+    ),
+    Fault(
+        "a bag of another tracker is replayed",
+        "A bag in which the tracker sees nobody runs to its end.",
+        "mild_ros/bag_people.py",
+        "            if feeds[raw.topic].read(message, raw.time_ns):\n",
+        "            if feeds[raw.topic].read(message, raw.time_ns) is not None:\n",
+        ("test/command_line/test_replay.py",),
     ),
 )
