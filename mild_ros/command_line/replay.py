@@ -10,7 +10,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mild_core.errors import BagError, SetupError
+from mild_core.errors import SetupError
 from mild_ros.command_line import options
 from mild_ros.command_line.console import Console
 
