@@ -16,6 +16,7 @@ import yourdfpy
 from mild_core.retargeting.kinematics import forward_kinematics
 from mild_core.retargeting.robot import RobotModel
 from mild_core.shapes import FloatArray
+from mild_ros.assembly.trial_load import survivable
 from mild_ros.simulation.quiet import quiet_terminal
 from mild_ros.viewing.body import BodyPart, body_parts
 from mild_ros.viewing.filmstrip import caption
@@ -78,7 +79,7 @@ def _robot(
     server: viser.ViserServer, robot: RobotModel, positions_rad: FloatArray
 ) -> list[tuple[viser.FrameHandle, FloatArray]]:
     """The robot's links, each with its poses (T, 4, 4) at T joint positions."""
-    urdf = yourdfpy.URDF.load(str(robot.urdf_path), build_scene_graph=True, load_meshes=True)
+    urdf = yourdfpy.URDF.load(str(survivable(robot)), build_scene_graph=True, load_meshes=True)
     graph, geometry = urdf.scene.graph, urdf.scene.geometry
     links: dict[str, viser.FrameHandle] = {}
     for node in graph.nodes_geometry:

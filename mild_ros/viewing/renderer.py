@@ -11,9 +11,11 @@ from types import ModuleType
 import numpy as np
 from PIL import Image
 
+from mild_core.retargeting.kinematics import read_tree
 from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.urdf import FIXED
 from mild_core.shapes import FloatArray
-from mild_ros.assembly.trial_load import try_load
+from mild_ros.assembly.trial_load import survivable
 from mild_ros.simulation.bullet import load_pybullet
 from mild_ros.simulation.quiet import quiet_terminal
 from mild_ros.viewing.body import BodyPart, Places
@@ -22,6 +24,9 @@ OVERSAMPLING = 2
 """Each pixel is the mean of so many squared: the renderer itself draws hard edges."""
 
 BACKGROUND, FLOOR, FLOOR_RADIUS_M = (248, 249, 251), (222, 226, 232), 1.9
+MOST_JOINTS = 120
+"""PyBullet has room for a few more; of a robot with more joints, only the arm moves in pictures."""
+
 TABLE_TOP, TABLE_FOOT = (0.36, 0.39, 0.44, 1.0), (0.58, 0.61, 0.66, 1.0)
 
 
@@ -41,8 +46,10 @@ class Renderer:
 
     def __init__(self, bullet: ModuleType, client: int, robot: RobotModel, floor_m: float) -> None:
         self._bullet, self._client = bullet, client
-        try_load(robot.urdf_path, "pybullet")
-        self._robot = bullet.loadURDF(str(robot.urdf_path), useFixedBase=True, physicsClientId=client)
+        self._tree = read_tree(robot.urdf_path)
+        movable = [joint.name for joint in self._tree.by_child.values() if joint.kind not in FIXED]
+        shown = survivable(robot, movable if len(movable) <= MOST_JOINTS else ())
+        self._robot = bullet.loadURDF(str(shown), useFixedBase=True, physicsClientId=client)
         self._joints = {
             bullet.getJointInfo(self._robot, index, physicsClientId=client)[1].decode(): index
             for index in range(bullet.getNumJoints(self._robot, physicsClientId=client))
@@ -51,7 +58,7 @@ class Renderer:
         self.top_m = max(high[2] for _, high in boxes)
         self._parts: list[tuple[BodyPart, int]] = []
         self._furniture(floor_m, with_table=robot.on_table)
-        self.place(dict(robot.rest), None)
+        self.place(robot.at_home, None)
 
     def add_person(self, parts: Sequence[BodyPart]) -> None:
         """Bring a person on stage; `place` moves them."""
@@ -71,8 +78,13 @@ class Renderer:
 
     def place(self, joints: Mapping[str, float], person: Places | None) -> None:
         """Put the robot's joints [rad] and the person's [m, robot's base frame] where they belong."""
-        for name, position in joints.items():
-            self._bullet.resetJointState(self._robot, self._joints[name], position, physicsClientId=self._client)
+        for joint in self._tree.by_child.values():
+            leader, ratio, offset = self._tree.followed(joint)
+            if joint.name in self._joints and leader in joints:
+                position = ratio * joints[leader] + offset
+                self._bullet.resetJointState(
+                    self._robot, self._joints[joint.name], position, physicsClientId=self._client
+                )
         for part, body in self._parts:
             if person is not None:
                 rotation, position = part.pose(person)

@@ -268,18 +268,18 @@ FAULTS = (
     ),
     Fault(
         "joints in the library's order",
-        "Joints come back in the order of the library instead of the robot's.",
+        "Joints go to the library in the robot's order instead of its own.",
         f"{HERE}/inverse_kinematics.py",
-        "result: FloatArray = at[self._order]",
-        "result: FloatArray = at[np.argsort(self._order)]",
+        "spread[row, robot.joint_names.index(leader)], shift[row] = ratio, offset",
+        "spread[row, number - 1], shift[row] = ratio, offset",
         REACH,
     ),
     Fault(
         "a mimic joint without its offset",
         "A joint that copies another one starts at zero.",
         f"{HERE}/kinematics.py",
-        "np.asarray(copied, dtype=np.float64) * joint.multiplier + joint.offset",
-        "np.asarray(copied, dtype=np.float64) * joint.multiplier",
+        "np.asarray(copied, dtype=np.float64) * multiplier + offset",
+        "np.asarray(copied, dtype=np.float64) * multiplier",
         REACH,
     ),
     Fault(
