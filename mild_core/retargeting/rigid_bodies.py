@@ -83,9 +83,8 @@ def rigid_bodies(robot: RobotModel, others: Collection[str] = (), *, shapes: boo
     moving = [j for j in tree.by_child.values() if moves(robot, tree, j) or (j.name in others and j.kind not in FIXED)]
     carried = {joint.child for joint in moving}
     bodies = {link: _Body(link) for link in (tree.root, *(joint.child for joint in moving))}
-    places: dict[str, tuple[str, FloatArray]] = {
-        tree.root: (tree.root, np.linalg.inv(tree.pose(robot.base_link, robot.at_home)))
-    }
+    from_base = np.asarray(np.linalg.inv(tree.pose(robot.base_link, robot.at_home)), dtype=np.float64)
+    places = {tree.root: (tree.root, from_base)}
     for link in read.findall("link"):
         name = link.get("name", "")
         body, pose = _place(tree, robot, carried, places, name)

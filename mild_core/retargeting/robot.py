@@ -32,7 +32,7 @@ class RobotModel:
         tool_link: The frame that meets the person's hand.
         rest: Positions [rad, or m of a sliding joint] of the joints that nothing commands, as (name, position).
         floor_m: Height of the floor in the base frame, where it is known; None takes it from the person's feet.
-        on_table: Whether the robot stands on a table, which is drawn under it.
+        on_table: Whether the robot stands on a table, which is drawn under it and kept out of.
         arm: How a person's arm becomes positions of the joints, where that is known in closed form.
         arm_links: Otherwise, for a robot that shall do as a person's arm does: its shoulder, a link whose origin
             stays where it is, and its elbow.

@@ -12,7 +12,7 @@
     acceleration_rad_s2 = 10.0                 # one for all joints, or one for each
     jerk_rad_s3 = 200.0
     floor_m = -0.8                             # height of the floor, where it is known
-    on_table = true                            # draws a table under the robot
+    on_table = true                            # a table under the robot: drawn, and kept out of
     joint_limits = "joint_limits.yaml"         # of MoveIt or ros2_control, or a list of such files
     [rest]                                     # joints that nothing commands
     panda_finger_joint1 = 0.02

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mild_core.errors import SetupError
 from mild_core.printable import printable_lines
+from mild_core.retargeting.capsules import TABLE_AT_M, TABLE_M, table_of
 from mild_core.retargeting.kinematics import KinematicTree, read_tree
 from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.urdf import FIXED
@@ -32,9 +33,6 @@ PHYSICS_RATE_HZ = 240
 
 POSITION_GAIN = 0.3
 """The best of those tried: 0.15 degrees tracking error."""
-
-TABLE_TOP_M = -0.104
-"""Height of what the robot stands on: the underside of its base."""
 
 SOFTEST, BEARING = 0.25, 1.3
 """Share of its motors' force that the arm keeps in any case, and how much more than its own weight it bears then."""
@@ -264,9 +262,10 @@ class BulletRobot:
 
     def _furnish(self, scene: Scene) -> None:
         if scene.table:
-            x, y, half, thick = 0.0, 0.0, (0.42, 0.55), 0.02
-            legs = (TABLE_TOP_M - 2 * thick - scene.floor_m) / 2.0
-            self._block((half[0], half[1], thick), (x, y, TABLE_TOP_M - thick), WOOD)
+            (x, y), half, thick = TABLE_AT_M, (TABLE_M[0] / 2.0, TABLE_M[1] / 2.0), 0.02
+            top_m = table_of(self.robot).top_m
+            legs = max((top_m - 2 * thick - scene.floor_m) / 2.0, 0.01)
+            self._block((half[0], half[1], thick), (x, y, top_m - thick), WOOD)
             for sx, sy in ((-1, -1), (-1, 1), (1, -1), (1, 1)):
                 foot = (x + sx * (half[0] - 0.05), y + sy * (half[1] - 0.05), scene.floor_m + legs)
                 self._block((0.025, 0.025, legs), foot, METAL)

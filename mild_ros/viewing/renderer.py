@@ -11,6 +11,7 @@ from types import ModuleType
 import numpy as np
 from PIL import Image
 
+from mild_core.retargeting.capsules import TABLE_AT_M, TABLE_M, table_of
 from mild_core.retargeting.kinematics import read_tree
 from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.urdf import FIXED
@@ -57,7 +58,7 @@ class Renderer:
         boxes = [bullet.getAABB(self._robot, link, physicsClientId=client) for link in (-1, *self._joints.values())]
         self.top_m = max(high[2] for _, high in boxes)
         self._parts: list[tuple[BodyPart, int]] = []
-        self._furniture(floor_m, with_table=robot.on_table)
+        self._furniture(floor_m, robot)
         self.place(robot.at_home, None)
 
     def add_person(self, parts: Sequence[BodyPart]) -> None:
@@ -134,12 +135,13 @@ class Renderer:
         colour = np.array(FLOOR) * (1.0 - 0.38 * shade[:, None])
         return (1.0 - fade) * colour + fade * np.array(BACKGROUND)
 
-    def _furniture(self, floor_m: float, *, with_table: bool) -> None:
-        if with_table:
-            self._box((0.30, 0.34, 0.02), (-0.12, 0.0, -0.125), TABLE_TOP)
-            foot = 0.5 * (-0.145 - floor_m)
-            self._box((0.20, 0.24, foot), (-0.14, 0.0, floor_m + foot), TABLE_FOOT)
-        self._stands = [(-0.14, 0.0, 0.34) if with_table else (0.0, 0.0, 0.28)]
+    def _furniture(self, floor_m: float, robot: RobotModel) -> None:
+        if robot.on_table:
+            (x, y), half, top_m = TABLE_AT_M, (TABLE_M[0] / 2.0, TABLE_M[1] / 2.0), table_of(robot).top_m
+            self._box((*half, 0.02), (x, y, top_m - 0.02), TABLE_TOP)
+            foot = max(0.5 * (top_m - 0.04 - floor_m), 0.01)
+            self._box((half[0] - 0.1, half[1] - 0.1, foot), (x - 0.02, y, floor_m + foot), TABLE_FOOT)
+        self._stands = [(TABLE_AT_M[0], TABLE_AT_M[1], 0.34) if robot.on_table else (0.0, 0.0, 0.28)]
         self._floor = self._box((4.0, 4.0, 0.01), (0.0, 0.0, floor_m - 0.01), (0.8, 0.8, 0.8, 1.0))
 
     def _box(self, half_m: Sequence[float], centre_m: Sequence[float], colour: Sequence[float]) -> int:
