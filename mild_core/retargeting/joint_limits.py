@@ -65,7 +65,7 @@ def read_joint_limits(path: Path) -> dict[str, JointLimits]:
     text = read_file(path, SETTINGS_BYTES, REMEDY).decode(errors="replace")
     try:
         check_yaml(text)
-        values = yaml.load(text, _Loader)
+        values = _Loader(text).get_single_data()
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         problem = f"is no YAML that can be used: {printable(' '.join(str(error).split()), 200)}"
         raise SetupError(str(path), problem, REMEDY) from None
