@@ -34,11 +34,9 @@ ARM = (
     + "</robot>"
 )
 
-COPYING = ARM.replace(
-    joint("j3", "fore", "hand"),
-    joint("j3", "fore", "hand", more='<mimic joint="j1" multiplier="-2" offset="0.4"/>' + LIMIT),
-)
-"""Its last joint copies the first one."""
+_COPIES = '<mimic joint="j1" multiplier="-2" offset="0.4"/>' + LIMIT
+COPYING = ARM.replace(joint("j2", "upper", "fore", "0 0 1"), joint("j2", "upper", "fore", "0 0 1", _COPIES))
+"""Its second joint copies the first one."""
 
 FILE = """name = "arm"
 description = "arm.urdf"
