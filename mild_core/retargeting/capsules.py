@@ -129,7 +129,7 @@ def capsules_of(robot: RobotModel) -> Capsules:
     for frame, tip in enumerate(tips, start=1):
         if all(each.frame != frame for each in found):
             found.append(_Mounted(frame, np.zeros(3), tip, BARE_RADIUS_M, BARE_RADIUS_M))
-    if robot.on_table:
+    if robot.keeps_off_table:
         found += [_Mounted(0, start, end, radius, radius) for start, end, radius in table_of(robot).capsules()]
     colliding = len(found)
     _hold_what_is_seen(found, robot, tree, chain)

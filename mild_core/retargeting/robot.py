@@ -32,7 +32,9 @@ class RobotModel:
         tool_link: The frame that meets the person's hand.
         rest: Positions [rad, or m of a sliding joint] of the joints that nothing commands, as (name, position).
         floor_m: Height of the floor in the base frame, where it is known; None takes it from the person's feet.
-        on_table: Whether the robot stands on a table, which is drawn under it and kept out of.
+        on_table: Whether the robot stands on a table, which is drawn under it.
+        keeps_off_table: Whether the arm keeps out of that table. Recorded motions of our YuMi, which stood on another,
+            go through it.
         arm: How a person's arm becomes positions of the joints, where that is known in closed form.
         arm_links: Otherwise, for a robot that shall do as a person's arm does: its shoulder, a link whose origin
             stays where it is, and its elbow.
@@ -55,6 +57,7 @@ class RobotModel:
     rest: tuple[tuple[str, float], ...] = field(default=())
     floor_m: float | None = None
     on_table: bool = False
+    keeps_off_table: bool = False
     arm: FourJointArm | None = None
     arm_links: tuple[str, str] | None = None
     notes: tuple[str, ...] = ()

@@ -106,6 +106,7 @@ def _robot(path: Path, fields: Fields) -> RobotModel:
     limits = _limits(fields, names, joints, urdf_path.name)
     rest = fields.object("rest") if "rest" in fields.values else fields.below("rest", {})
     rest.only(set(joints) - set(names))
+    on_table = fields.flag("on_table") if "on_table" in fields.values else False
     notes = tree.notes()
     if soft := [
         name for name in names if joints[name].softened and not {"lower_rad", "upper_rad"} <= set(fields.values)
@@ -129,7 +130,8 @@ def _robot(path: Path, fields: Fields) -> RobotModel:
             tool_link=fields.text("tool_link"),
             rest=tuple((name, rest.number(name, -LARGEST, LARGEST)) for name in rest.values),
             floor_m=fields.number("floor_m", -10.0, 10.0) if "floor_m" in fields.values else None,
-            on_table=fields.flag("on_table") if "on_table" in fields.values else False,
+            on_table=on_table,
+            keeps_off_table=on_table,
             arm_links=None if links is None else (links[0], links[1]),
             notes=notes,
         )

@@ -511,7 +511,7 @@ FAULTS = (
         "no table",
         "The arm does not keep out of the table that it stands on.",
         f"{HERE}/capsules.py",
-        "if robot.on_table:",
+        "if robot.keeps_off_table:",
         "if not robot:",
         DESCRIBED,
     ),
