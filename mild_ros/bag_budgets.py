@@ -33,7 +33,7 @@ from rosbags.typesys import get_types_from_idl, get_types_from_msg
 
 from mild_core.budgets import kind_of_file, shown
 from mild_core.errors import BagError
-from mild_ros.yaml_budget import check_yaml
+from mild_core.yaml_budget import check_yaml
 
 METADATA_BYTES = 2 << 20
 """Largest metadata.yaml; rosbag2 writes about 250 bytes for each file of a bag that was split."""

@@ -331,7 +331,7 @@ def nearest_rows(
                 ay = frame[1, 0] * x + frame[1, 1] * y + frame[1, 2] * z
                 az = frame[2, 0] * x + frame[2, 1] * y + frame[2, 2] * z
                 dx, dy, dz = here[0] - frame[0, 3], here[1] - frame[1, 3], here[2] - frame[2, 3]
-                rows[found, int(columns[joint])] = (
+                rows[found, int(columns[joint])] += (
                     away[0] * (ay * dz - az * dy) + away[1] * (az * dx - ax * dz) + away[2] * (ax * dy - ay * dx)
                 )
             clear[found], coming[found], which[found] = least, rate, other

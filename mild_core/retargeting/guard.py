@@ -104,27 +104,24 @@ class Guard:
     Attributes:
         robot: Whose motions.
         settings: How far and how fast.
+        reach_m: No point of the arm is ever further than this from its first joint.
     """
 
     robot: RobotModel
     settings: RetargetingSettings
     chain: Chain = field(init=False, repr=False)
     _capsules: Capsules = field(init=False, repr=False)
-    _levers_m: FloatArray = field(init=False, repr=False)
+    reach_m: float = field(init=False, repr=False)
     _jerk_m_s3: float = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         chain, capsules = chain_of(self.robot), capsules_of(self.robot)
         object.__setattr__(self, "chain", chain)
         object.__setattr__(self, "_capsules", capsules)
-        levers_m = levers(self.robot)
-        object.__setattr__(self, "_levers_m", levers_m)
-        object.__setattr__(self, "_jerk_m_s3", float(levers_m @ self.robot.jerk_rad_s3))
-
-    @property
-    def reach_m(self) -> float:
-        """No point of the arm is ever further than this from its first joint."""
-        return float(self._levers_m.max())
+        reaches_m, turns = reaches(self.robot), np.linalg.norm(chain.axes, axis=1)
+        object.__setattr__(self, "reach_m", float(reaches_m.max()))
+        jerk_rad_s3 = turns * self.robot.jerk_rad_s3[chain.columns.astype(int)]
+        object.__setattr__(self, "_jerk_m_s3", float(reaches_m @ jerk_rad_s3))
 
     def view(
         self,
@@ -301,16 +298,16 @@ class Guard:
         return float(seen.speed_m_s[0])
 
 
-def levers(robot: RobotModel) -> FloatArray:
-    """(J,) how far a point of the arm can be from the axis of each joint: the way along the chain to its end [m]."""
+def reaches(robot: RobotModel) -> FloatArray:
+    """(C,) how far a point of the arm can be from the axis of each joint of its chain: the way to its end [m]."""
     chain, capsules = chain_of(robot), capsules_of(robot)
-    found = np.zeros(len(robot.joint_names))
+    found = np.zeros(len(chain.columns))
     steps = np.linalg.norm(chain.offsets[:, :3, 3], axis=1)
-    for place, column in enumerate(chain.columns):
+    for place in range(len(found)):
         for part in capsules.moving.astype(int):
             frame = int(capsules.mounted[part])
             if frame <= place:
                 continue
             beyond = float(np.linalg.norm(capsules.ends_m[part], axis=1).max()) + capsules.outer_m[part]
-            found[int(column)] = max(found[int(column)], float(steps[place + 1 : frame].sum()) + beyond)
+            found[place] = max(found[place], float(steps[place + 1 : frame].sum()) + beyond)
     return found

@@ -13,13 +13,13 @@ from pathlib import Path
 import pytest
 
 from mild_core.errors import BagError
+from mild_core.yaml_budget import check_yaml
 from mild_ros.bag_budgets import OverBudgetError, TimeBudget, unbz2, unlz4, unzstd
 from mild_ros.bags import open_bag
 from mild_ros.faults.broken_bags import opened, write_ours
 from mild_ros.parameter_files import read_parameters
 from mild_ros.processes import PYTHON
 from mild_ros.settings import PipelineParameters
-from mild_ros.yaml_budget import check_yaml
 from test.bench import hostile_files
 from test.bench.hostile_files import BAGS, OTHERS, START_NS, aliases, made
 from test.habits.tree import ROOT
