@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-import yaml  # type: ignore[import-untyped]
+import yaml
 
 YAML_NODES, YAML_DEPTH = 500_000, 40
 """Most values, each use of an alias counted, and how deep they may be nested."""

@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import yaml  # type: ignore[import-untyped]
+import yaml
 
 from mild_core.budgets import SETTINGS_BYTES, read_file
 from mild_core.errors import SetupError
