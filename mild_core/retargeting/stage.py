@@ -286,7 +286,7 @@ class Retargeting:
             return state, self._limiter.stop(motion, elapsed_s)
         if wanted.resting and wanted.position_rad == motion.position_rad:
             return state, wanted
-        taken, verdict = self._harmless(motion, wanted, among, here, elapsed_s)
+        taken, verdict = self._harmless(motion, wanted, among, here, elapsed_s, retreat is not None)
         refusal = verdict.refusal
         if refusal and among.is_bystander(verdict.segment):
             state = _paused(state, now_ns)
@@ -318,7 +318,13 @@ class Retargeting:
         return moved
 
     def _harmless(
-        self, motion: JointMotion, wanted: JointMotion, among: Obstacles, here: View, elapsed_s: float
+        self,
+        motion: JointMotion,
+        wanted: JointMotion,
+        among: Obstacles,
+        here: View,
+        elapsed_s: float,
+        giving_way: bool,
     ) -> tuple[JointMotion, Verdict]:
         """As much of a step as is harmless, from none, which is a stop; and why not all of it.
 
@@ -327,7 +333,7 @@ class Retargeting:
         """
 
         def checked(tried: JointMotion) -> Verdict:
-            return self._guard.check_motion(self._limiter, motion, tried, elapsed_s, here, among)
+            return self._guard.check_motion(self._limiter, motion, tried, elapsed_s, here, among, giving_way)
 
         verdict = checked(wanted)
         if not verdict.refusal:
@@ -397,7 +403,9 @@ class Retargeting:
         if state.crowd is None:
             return NOBODY
         hand_m = self._hand(state, now_ns)
-        return obstacles_of(state.crowd, self.settings, self.standing, state.place_m, hand_m, now_ns)
+        among = obstacles_of(state.crowd, self.settings, self.standing, state.place_m, hand_m, now_ns)
+        # A hand that may not be touched anyway is not offered: it makes the arm give way as it comes.
+        return among if among.offered < 0 or self._may_touch(state) else replace(among, offered=-1)
 
     def _homeward(self, motion: JointMotion, elapsed_s: float) -> JointMotion:
         """A step of the slow way home, or of a stop while the arm is quicker than that way can bear.

@@ -164,6 +164,41 @@ def test_clearance_falls_no_faster_than_the_arm_and_the_person_come_nearer(guard
             assert not view.approach_m_s.any()
 
 
+@pytest.mark.parametrize("seed", range(12))
+def test_points_all_around_the_arm_count_towards_somebody_who_comes(guard: Guard, seed: int) -> None:
+    pose, rates, people = scene(seed)
+    coming = among(people.ends_m, np.full((3, 2, 3), 1.0), people.radii_m)
+    given = np.zeros(1), pose[None], rates[None]
+    nearest = guard.view(*given, coming, UNPACED_M).toward_m_s[0]
+    around = guard.view(*given, coming, UNPACED_M, around=True).toward_m_s[0]
+    still = among(people.ends_m, np.zeros((3, 2, 3)), people.radii_m)
+    np.testing.assert_array_equal(guard.view(*given, still, UNPACED_M, around=True).toward_m_s[0], nearest)
+    assert (around >= nearest).all()
+    assert (around > nearest).any()
+    # Points on the surfaces themselves move as their links do.
+    chain = CHAIN.columns, CHAIN.offsets, CHAIN.axes
+    frames, later = frames_of(pose, *chain), frames_of(pose + STEP_S * rates, *chain)
+    fastest = np.zeros(3)
+    for part in CAPSULES.moving.astype(int):
+        frame = int(CAPSULES.mounted[part])
+        moved = later[frame] @ np.linalg.inv(frames[frame])
+        for end in placed(pose)[part, :2]:
+            for side in np.random.default_rng(seed).normal(size=(60, 3)):
+                point = end + CAPSULES.outer_m[part] * side / np.linalg.norm(side)
+                rate = (moved[:3, :3] @ point + moved[:3, 3] - point) / STEP_S
+                for place in range(3):
+                    fastest[place] = max(fastest[place], float(rate @ toward(point, people.ends_m[place])))
+    apart = guard.view(*given, coming, UNPACED_M).clear_m[0] > 0.05
+    assert (fastest[apart] <= 1.1 * around[apart] + 0.02).all()  # to first order
+
+
+def toward(point_m: np.ndarray, ends_m: np.ndarray) -> np.ndarray:
+    """(3,) the direction from a point to a straight line between two ends."""
+    _, _, share = nearest_points(point_m, point_m, *ends_m)
+    way: np.ndarray = ends_m[0] + share * (ends_m[1] - ends_m[0]) - point_m
+    return way / max(float(np.linalg.norm(way)), 1e-9)
+
+
 @pytest.mark.parametrize(("speed", "approach"), [(0.7, 0.7), (-0.7, 0.0)])
 def test_a_person_who_comes_straight_at_the_hand_approaches_at_their_speed(
     guard: Guard, speed: float, approach: float
@@ -196,6 +231,7 @@ def bounds(clear: tuple[float, ...], **values: object) -> np.ndarray:
         "zones_m": np.array([0.3]),
         "near_speed_m_s": 0.8,
         "jerk_m_s3": 0.0,
+        "least_m_s": LEAST_M_S,
     } | values
     found: np.ndarray = path_bounds(*given.values())
     return found[0]
@@ -219,6 +255,8 @@ def test_inside_the_zone_the_arm_is_bounded_and_what_comes_nearer_lowers_the_bou
     np.testing.assert_allclose(bounds((0.2, 0.2), toward=np.array([[0.2], [0.9]]))[3:], [0.0, 0.1 - LEAST_M_S])
     coming = np.array([[0.3], [0.65]])
     np.testing.assert_allclose(bounds((0.2, 0.2), approach=coming)[3:], [0.0, 0.2 - 0.15 - LEAST_M_S])
+    # Of a motion that is wanted every speed counts.
+    np.testing.assert_allclose(bounds((0.2, 0.2), approach=coming, least_m_s=0.0)[3:], [0.0, 0.2 - 0.15])
     # Not below a standstill.
     np.testing.assert_allclose(bounds((0.2, 0.2), approach=coming + 1.0)[3:], [0.0, 0.2 - LEAST_M_S])
     np.testing.assert_allclose(bounds((0.2, 0.2), speed=np.ones(2), jerk_m_s3=80.0)[3:], [0.3, 0.0], atol=1e-12)

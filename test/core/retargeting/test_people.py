@@ -158,15 +158,16 @@ def test_a_bystander_within_reach_slows_the_arm_everywhere() -> None:
 
 
 def test_near_people_who_stand_still_nothing_of_the_arm_is_ever_faster_than_allowed() -> None:
-    found = judged(range(40, 46), 5.0, moving=False, every=3)
+    found = judged(range(40, 46), 5.0, moving=False)
     assert found.followed > 2000
     assert found.above == 0, found.peaks_m_s
-    assert found.peaks_m_s.max() > 0.5, "it does move near them"
+    assert max(found.peaks_m_s) > 0.5, "it does move near them"
     assert found.clear_m >= 0.05 - 1e-6
 
 
 def test_towards_people_who_move_the_arm_is_no_faster_than_their_approach_leaves_or_it_brakes() -> None:
-    found = judged(range(900, 903), 4.0, moving=True, every=2)
+    found = judged(range(900, 903), 4.0, moving=True)
+    assert found.near > 300
     assert found.not_braking == 0
     assert found.towards < 0.02 * found.ticks
     assert found.towards_m_s < 0.4
