@@ -189,7 +189,7 @@ def test_points_all_around_the_arm_count_towards_somebody_who_comes(guard: Guard
                 for place in range(3):
                     fastest[place] = max(fastest[place], float(rate @ toward(point, people.ends_m[place])))
     apart = guard.view(*given, coming, UNPACED_M).clear_m[0] > 0.05
-    assert (fastest[apart] <= 1.1 * around[apart] + 0.02).all()  # to first order
+    assert (fastest[apart] <= 1.1 * around[apart] + 0.05).all()  # to first order
 
 
 def toward(point_m: np.ndarray, ends_m: np.ndarray) -> np.ndarray:
