@@ -216,36 +216,47 @@ def surface_speed(
         within_m: Points further than this from its axis do not count.
     """
     greatest = 0.0
-    at, rate, way, aside = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    at, rate, way = np.empty(3), np.empty(3), np.empty(3)
+    aside, out = np.empty(3), np.empty(3)
     for place in range(3):
         share = nearest if place == 0 else place - 1.0
         for i in range(3):
             at[i] = axis_m[0, i] + share * (axis_m[1, i] - axis_m[0, i])
             rate[i] = axis_m_s[0, i] + share * (axis_m_s[1, i] - axis_m_s[0, i])
-        far, closing = _toward(at, rate, segment, way)
+        far, closing, inside = _toward(at, rate, segment, way)
         if far - radius_m >= within_m:
             continue
-        greatest, length = max(greatest, closing), 0.0
+        greatest = max(greatest, closing)
+        square, slides, length = 1e-12, 0.0, 0.0
+        for i in range(3):
+            out[i] = segment[1, i] - segment[0, i]
+            square += out[i] * out[i]
+            slides += rate[i] * out[i]
         for i in range(3):
             j, k = (i + 1) % 3, (i + 2) % 3
-            aside[i] = way[j] * turning[k] - way[k] * turning[j] - (rate[i] - closing * way[i]) / far
+            # Where the nearest place of the segment slides along with a point, the direction to it does not turn.
+            across = rate[i] - closing * way[i] - (slides / square * out[i] if inside else 0.0)
+            aside[i] = way[j] * turning[k] - way[k] * turning[j] - across / far
             length += aside[i] * aside[i]
         length = max(np.sqrt(length), 1e-9)
         for i in range(3):
-            aside[i] *= radius_m / length
-            at[i] += aside[i]
+            out[i] = radius_m * aside[i] / length
+            at[i] += out[i]
         for i in range(3):
             j, k = (i + 1) % 3, (i + 2) % 3
-            rate[i] += turning[j] * aside[k] - turning[k] * aside[j]
-        far, closing = _toward(at, rate, segment, way)
+            rate[i] += turning[j] * out[k] - turning[k] * out[j]
+        far, closing, _ = _toward(at, rate, segment, way)
         if far < within_m:
             greatest = max(greatest, closing)
     return greatest
 
 
 @compiled
-def _toward(at: FloatArray, rate: FloatArray, segment: FloatArray, way: FloatArray) -> tuple[float, float]:
-    """Distance from a point to the axis of a segment, and its speed towards it; fills in the direction."""
+def _toward(at: FloatArray, rate: FloatArray, segment: FloatArray, way: FloatArray) -> tuple[float, float, bool]:
+    """Distance from a point to the axis of a segment, its speed towards it, and whether that is between its ends.
+
+    Fills in (3,) the direction.
+    """
     _, _, share = nearest_points(at, at, segment[0], segment[1])
     far, closing = 0.0, 0.0
     for i in range(3):
@@ -255,7 +266,7 @@ def _toward(at: FloatArray, rate: FloatArray, segment: FloatArray, way: FloatArr
     for i in range(3):
         way[i] /= far
         closing += way[i] * rate[i]
-    return far, closing
+    return far, closing, 0.0 < share < 1.0
 
 
 LEAST_M_S = 0.03
