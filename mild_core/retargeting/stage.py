@@ -86,11 +86,14 @@ class Retargeting:
         settings: How.
         standing: Where people stand, and in which interactions hands touch; None when nobody knows: then no hand is
             met, and only people whom a calibrated camera sees are kept away from.
+        camera_measured: Whether the camera's pose is known, for whoever asks before anybody is seen; None when only
+            people will tell.
     """
 
     robot: RobotModel
     settings: RetargetingSettings = field(default_factory=RetargetingSettings)
     standing: Standing | None = None
+    camera_measured: bool | None = None
     _limiter: Limiter = field(init=False, repr=False)
     _slow: Limiter = field(init=False, repr=False)
     _guard: Guard = field(init=False, repr=False)
@@ -120,7 +123,8 @@ class Retargeting:
 
     def init(self) -> RetargetingState:
         """The state before the first input."""
-        return RetargetingState(mode=Mode.WAITING if self.settings.start_enabled else Mode.DISABLED)
+        state = RetargetingState(mode=Mode.WAITING if self.settings.start_enabled else Mode.DISABLED)
+        return replace(state, no_contact=self._no_contact(state, 0))
 
     def trajectory_stream(self) -> TrajectoryStream:
         """Makes messages for a controller of trajectories from the commands; for settings with `execution_delay_s`."""
@@ -216,16 +220,15 @@ class Retargeting:
         return replace(state, mode=mode, plan=plan, holding_since_ns=now_ns)
 
     def _no_contact(self, state: RetargetingState, now_ns: int) -> str:
-        """Why the watched hand is not touched, or should not be; "" when it may be, or when there is none."""
+        """Why hands do not meet, or should not, whether somebody is there or not; "" when they may."""
         crowd = state.crowd
-        if crowd is None or not person_present(state, self.settings, now_ns):
-            return ""
-        unmeasured = crowd.frame_id == ARM_FRAME
-        if self._contact is None:
+        unmeasured = self.camera_measured is False if crowd is None else crowd.frame_id == ARM_FRAME
+        if self._contact is None or self.standing is None or not self.standing.by_interaction:
             return UNMEASURED if unmeasured else ""
         if unmeasured and not self.settings.allow_unmeasured_contact:
             return f"no contact: {UNMEASURED}"
-        if not crowd.watched_parts >= NEEDED_PARTS:
+        present = crowd is not None and person_present(state, self.settings, now_ns)
+        if present and crowd is not None and not crowd.watched_parts >= NEEDED_PARTS:
             return f"no contact: {UNKNOWN_BODY}"
         return ASSUMED if unmeasured else ""
 

@@ -5,10 +5,13 @@ ros2 launch mild_ros replay.launch.py bag:=bags/handshake
 ros2 launch mild_ros replay.launch.py bag:=old.bag skeleton_topic:=/bodies rate:=0.5 record:=what_happened
 """
 
-from launch import LaunchDescription
+from pathlib import Path
+
+from launch import LaunchContext, LaunchDescription
 from launch.actions import (
     DeclareLaunchArgument,
     IncludeLaunchDescription,
+    OpaqueFunction,
     RegisterEventHandler,
     Shutdown,
     TimerAction,
@@ -25,6 +28,8 @@ from launch.substitutions import (
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
+
+from mild_ros.bag_camera import camera_for
 
 ARGUMENTS = {
     "namespace": ("", "Before every name: one for each robot and its person."),
@@ -61,6 +66,16 @@ def _replay(given: dict[str, LaunchConfiguration], config: list) -> Node:
     )
 
 
+def _simulation(context: LaunchContext, given: dict[str, LaunchConfiguration]) -> list[IncludeLaunchDescription]:
+    """Pipeline and simulated robot, who see people where the bag's camera saw them."""
+    simulated = PathJoinSubstitution([FindPackageShare("mild_ros"), "launch", "simulation.launch.py"])
+    camera = camera_for(given["config"].perform(context), Path(given["bag"].perform(context)))
+    passed_on = [(name, given[name]) for name in ("namespace", "config", "gui")]
+    # A node that fails ends the replay: one that starts in its midst would make another of it.
+    passed_on += [("robot_from_camera", camera), ("respawn", "false")]
+    return [IncludeLaunchDescription(PythonLaunchDescriptionSource(simulated), launch_arguments=passed_on)]
+
+
 def generate_launch_description() -> LaunchDescription:
     """What `ros2 launch` runs."""
     given = {name: LaunchConfiguration(name) for name in ("bag", *ARGUMENTS)}
@@ -68,12 +83,7 @@ def generate_launch_description() -> LaunchDescription:
     stem = PythonExpression(["'", given["config"], "'.removesuffix('.yaml')"])
     # Not as `parameters`: a file that is not there would be passed over, and another robot commanded.
     config = ["--params-file", [PathJoinSubstitution([share, "config", stem]), ".yaml"]]
-    simulated = PathJoinSubstitution([share, "launch", "simulation.launch.py"])
-    simulation = IncludeLaunchDescription(
-        PythonLaunchDescriptionSource(simulated),
-        # A node that fails ends the replay: one that starts in its midst would make another of it.
-        launch_arguments=[*((name, given[name]) for name in ("namespace", "config", "gui")), ("respawn", "false")],
-    )
+    simulation = OpaqueFunction(function=_simulation, args=[given])
     record = Node(
         package="mild_ros",
         executable="record",

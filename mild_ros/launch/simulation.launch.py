@@ -15,13 +15,14 @@ ARGUMENTS = {
     "namespace": ("", "Before every name: one for each robot and its person."),
     "config": ("yumi", "Parameters: a name in share/mild_ros/config, or a path."),
     "skeleton": ("skeleton", "Topic of the tracker."),
+    "robot_from_camera": ("", "Pose of the tracker's frame in the robot's base; empty takes the configuration's."),
     "gui": ("false", "Open a window with the robot."),
     "use_sim_time": ("false", "Take the time from `/clock`."),
     "respawn": ("true", "Start a node again that has ended by itself, after two seconds."),
 }
 
 
-PASSED_ON = ("namespace", "config", "skeleton", "use_sim_time", "respawn")
+PASSED_ON = ("namespace", "config", "skeleton", "robot_from_camera", "use_sim_time", "respawn")
 """To the pipeline."""
 
 RESPAWN_DELAY_S = 2.0
@@ -37,9 +38,7 @@ def generate_launch_description() -> LaunchDescription:
     config = ["--params-file", [PathJoinSubstitution([share, "config", stem]), ".yaml"]]
     live = IncludeLaunchDescription(
         PythonLaunchDescriptionSource(PathJoinSubstitution([share, "launch", "live.launch.py"])),
-        launch_arguments=[
-            (name, given[name]) for name in ("namespace", "config", "skeleton", "use_sim_time", "respawn")
-        ],
+        launch_arguments=[(name, given[name]) for name in PASSED_ON],
     )
     simulation = Node(
         package="mild_ros",

@@ -67,7 +67,7 @@ def test_nodes_of_a_robot_are_started_again_unless_it_is_forbidden(name: str) ->
         given = {keyword.arg: ast.unparse(keyword.value) for keyword in node.keywords}
         assert (given["respawn"], given["respawn_delay"]) == ("given['respawn']", "RESPAWN_DELAY_S")
     text = (ROOT / "mild_ros/launch/simulation.launch.py").read_text()
-    assert '"use_sim_time", "respawn")\n' in text, "passed on to the pipeline"
+    assert '"robot_from_camera", "use_sim_time", "respawn")\n' in text, "passed on to the pipeline"
 
 
 def test_a_replay_ends_with_a_node_that_fails() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from mild_core.retargeting.modes import Mode
 from mild_core.retargeting.obstacles import KEPT_S, NOBODY, Crowd, obstacles_of
 from mild_core.retargeting.person import Standing
 from mild_core.retargeting.robots.yumi import YUMI
-from mild_core.retargeting.stage import UNKNOWN_BODY, UNMEASURED, Request, Retargeting, RetargetingSettings
+from mild_core.retargeting.stage import ASSUMED, UNKNOWN_BODY, UNMEASURED, Request, Retargeting, RetargetingSettings
 from mild_core.shapes import FloatArray
 from mild_core.signals import ARM_FRAME, ROBOT_FRAME, WATCHED_PERSON, BodySegments, PersonPose
 from test.bench.speed_near_people import judged
@@ -255,6 +256,21 @@ def test_an_unmeasured_camera_is_told_and_hands_touch_only_where_that_is_allowed
     run.frame_id = ROBOT_FRAME
     run.live(0.5)
     assert run.state.notices(run.now_ns) == ()
+
+
+def test_an_unmeasured_camera_is_told_before_anybody_is_seen() -> None:
+    def told(measured: bool | None, standing: Standing = STANDING, **settings: Any) -> tuple[str, ...]:
+        return Retargeting(YUMI, RetargetingSettings(**settings), standing, measured).init().notices(0)
+
+    assert told(False) == (f"no contact: {UNMEASURED}",)
+    assert told(True) == told(None) == ()
+    assert told(False, allow_unmeasured_contact=True) == (ASSUMED,)
+    assert told(False, replace(STANDING, by_interaction={})) == (UNMEASURED,), "nothing touches"
+    run = Around()
+    run.retargeting = Retargeting(YUMI, run.retargeting.settings, STANDING, camera_measured=False)
+    run.state = run.retargeting.init()
+    run.wait(0.2)
+    assert run.state.no_contact, "the robot alone changes nothing"
 
 
 def test_without_a_measured_camera_the_uncertainty_of_the_place_is_kept_too() -> None:
