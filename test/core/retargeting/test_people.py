@@ -300,6 +300,16 @@ def test_no_hand_is_touched_of_whom_head_or_trunk_is_not_known_and_the_share_fad
     check_limits(YUMI, run.commands)
 
 
+@pytest.mark.parametrize("missing", ["", "head", "trunk"])
+def test_only_a_hand_that_may_be_touched_is_offered_and_others_push_the_arm_away_as_they_come(missing: str) -> None:
+    run = Around()
+    run.parts = tuple(part for part in people.RADII_M if part != missing)
+    run.live(0.5)
+    run.live(0.5, MET_M, AWAY)
+    among = run.retargeting._obstacles(run.state, run.now_ns)
+    assert (among.offered >= 0) is (not missing)
+
+
 def _raised(to_m: FloatArray) -> Callable[[float], FloatArray]:
     """A hand on its way from rest, on an arc as an elbow bends, in 0.8 s."""
 
