@@ -327,6 +327,19 @@ def checked(guard: Guard, speed_rad_s: float, people: Obstacles) -> str:
     return guard.check_motion(limiter, now, then, 0.01, guard.here(now, people), people).refusal
 
 
+def test_while_somebody_comes_fast_only_an_arm_that_gives_way_may_turn_a_little_towards_them(guard: Guard) -> None:
+    still = still_ball(0.2)
+    people = among(still.ends_m, np.tile([-1.0, 0.0, 0.0], (1, 2, 1)), still.radii_m, horizon_s=0.05)
+    limiter = Limiter(YUMI.velocity_rad_s, YUMI.acceleration_rad_s2, YUMI.jerk_rad_s3)
+    forward = CHAIN.jacobian(YUMI.home_rad)[0]
+    rates = 0.015 * forward / float(forward @ forward)  # 1.5 cm/s
+    rest = JointMotion.at_rest(tuple(YUMI.home_rad.tolist()))
+    then = JointMotion(tuple((YUMI.home_rad + 0.005 * rates).tolist()), tuple(rates.tolist()), (0.0,) * 7)
+    given = limiter, rest, then, 0.01, guard.here(rest, people), people
+    assert guard.check_motion(*given).refusal == TOO_FAST
+    assert guard.check_motion(*given, giving_way=True).refusal == ""
+
+
 def test_beside_somebody_a_fast_motion_is_refused_and_a_slow_one_taken(guard: Guard) -> None:
     near, far = still_ball(0.2), still_ball(2.0)
     assert checked(guard, 0.0, near) == ""
