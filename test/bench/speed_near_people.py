@@ -9,8 +9,8 @@ sampled point of the arm counts, with its own distance to the people's capsules,
 With `--moving` people walk and wave arms about: then the robot's speed towards them, less what is left of the bound by
 their own approach, and whether the arm is braking at its limits when that is above zero (`braking.py`).
 
-A million ticks take half an hour on two cores; with `--json FILE` every episode is kept there, and a second call goes
-on from it.
+A million ticks are a thousand episodes of about a second each, of two or three where people move; with `--json FILE`
+every episode is kept there, and a second call goes on from it.
 """
 
 from __future__ import annotations
