@@ -3,10 +3,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
-from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, RegisterEventHandler, Shutdown, TimerAction
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, RegisterEventHandler, Shutdown, TimerAction
 from launch.conditions import IfCondition
 from launch.event_handlers import OnProcessExit
 from launch.substitutions import (
@@ -19,7 +20,17 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
-from mild_ros.launching import FAILED_S, LAUNCHES, LISTENERS, RESPAWN_DELAY_S, Launch, Started, listeners
+from mild_ros.launching import (
+    CAMERA,
+    FAILED_S,
+    LAUNCHES,
+    LISTENERS,
+    RESPAWN_DELAY_S,
+    Launch,
+    Started,
+    camera_of,
+    listeners,
+)
 
 KINDS = {"true": bool, "false": bool, "1.0": float, "0.0": float}
 """Type of a parameter by its argument's default; all others are texts."""
@@ -33,7 +44,12 @@ def describe(name: str) -> LaunchDescription:
         DeclareLaunchArgument(argument, default_value=default, description=text)
         for argument, (default, text) in wanted.arguments.items()
     ]
-    nodes = [_node(wanted, one, given) for one in wanted.nodes]
+    nodes = [
+        OpaqueFunction(function=_by_camera, args=[wanted, one, given])
+        if one.sees_by_camera
+        else _node(wanted, one, given)
+        for one in wanted.nodes
+    ]
     # Whoever could not start has said why, and replay would wait for it; others may be about to say the same.
     failed = OnProcessExit(
         on_exit=lambda event, _: (
@@ -43,7 +59,20 @@ def describe(name: str) -> LaunchDescription:
     return LaunchDescription([*arguments, *[RegisterEventHandler(failed)] * wanted.ends_with_failure, *nodes])
 
 
-def _node(wanted: Launch, one: Started, given: dict[str, LaunchConfiguration]) -> Node:
+def _by_camera(
+    context: LaunchContext, wanted: Launch, one: Started, given: dict[str, LaunchConfiguration]
+) -> list[Node]:
+    """A node that is told where the camera stands, if that is known."""
+    camera = camera_of({name: value.perform(context) for name, value in given.items()})
+    return [_node(wanted, one, given, {CAMERA: ParameterValue(camera, value_type=str)} if camera else {})]
+
+
+def _node(
+    wanted: Launch,
+    one: Started,
+    given: dict[str, LaunchConfiguration],
+    told: Mapping[str, ParameterValue] | None = None,
+) -> Node:
     """A node, as `ros2 launch` starts it."""
     stem = PythonExpression(["'", given["config"], "'.removesuffix('.yaml')"])
     # Not as `parameters`: a file that is not there would be passed over, and another robot commanded.
@@ -68,7 +97,7 @@ def _node(wanted: Launch, one: Started, given: dict[str, LaunchConfiguration]) -
         name=one.executable,
         namespace=given["namespace"],
         ros_arguments=config if one.configured else [],
-        parameters=[values | dict(one.fixed)],
+        parameters=[values | dict(one.fixed) | dict(told or {})],
         remappings=[(topic, given[argument]) for topic, argument in one.topics.items()],
         output="screen",
         **more,

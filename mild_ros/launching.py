@@ -13,12 +13,14 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 from types import FrameType
 from typing import Any
 
 import yaml
 
 from mild_core.errors import SetupError, unknown_name
+from mild_ros.bag_camera import camera_for
 from mild_ros.parameter_files import configuration
 from mild_ros.processes import PYTHON, as_yaml, end_with_parent
 
@@ -28,7 +30,11 @@ TIME = {
     "use_sim_time": ("false", "Take the time from `/clock`."),
     "respawn": ("true", "Start a node again that has ended by itself, after two seconds."),
 }
-TRACKER = {"skeleton": ("skeleton", "Topic of the tracker.")}
+CAMERA = "robot_from_camera"
+TRACKER = {
+    "skeleton": ("skeleton", "Topic of the tracker."),
+    CAMERA: ("", "Pose of the tracker's frame in the robot's base; empty takes the configuration's."),
+}
 WINDOW = {"gui": ("false", "Open a window with the robot.")}
 
 RESPAWN_DELAY_S = 2.0
@@ -57,6 +63,7 @@ class Started:
         only_with: Argument without which (empty) the node is not started; "" for none.
         respawned: Whether the argument `respawn` is for this node.
         ends_all: Whether the end of this node is the end of the launch.
+        sees_by_camera: Whether it is told where the camera stands, see `camera_of`.
     """
 
     executable: str
@@ -67,6 +74,7 @@ class Started:
     only_with: str = ""
     respawned: bool = False
     ends_all: bool = False
+    sees_by_camera: bool = False
 
 
 @dataclass(frozen=True)
@@ -95,6 +103,7 @@ _LIVE_PIPELINE = Started(
     _same("use_sim_time"),
     {**_same("skeleton", "joint_states", "joint_command"), "joint_trajectory": "trajectory"},
     respawned=True,
+    sees_by_camera=True,
 )
 
 LAUNCHES: Mapping[str, Launch] = {
@@ -118,7 +127,7 @@ LAUNCHES: Mapping[str, Launch] = {
         "A tracker that is there and a simulated robot.",
         {**NAMESPACE, **CONFIG, **TRACKER, **WINDOW, **TIME},
         (
-            Started("pipeline", _same("use_sim_time"), _same("skeleton"), respawned=True),
+            Started("pipeline", _same("use_sim_time"), _same("skeleton"), respawned=True, sees_by_camera=True),
             Started("simulation", _same("gui", "use_sim_time"), respawned=True),
         ),
     ),
@@ -140,7 +149,7 @@ LAUNCHES: Mapping[str, Launch] = {
             "record": ("", "Folder of a new bag with what happens; empty for none."),
         },
         (
-            Started("pipeline"),
+            Started("pipeline", sees_by_camera=True),
             Started("simulation", _same("gui")),
             Started("record", {"bag": "record"}, configured=False, only_with="record"),
             Started(
@@ -154,6 +163,18 @@ LAUNCHES: Mapping[str, Launch] = {
         ends_with_failure=True,
     ),
 }
+
+
+def camera_of(given: Mapping[str, str]) -> str:
+    """What to tell a node that sees people by a camera: as given, else where the bag says it stood; "" for nothing.
+
+    Raises:
+        BagError: The bag says it badly.
+        SetupError: There is no such configuration.
+    """
+    stated = given.get(CAMERA, "")
+    return stated or (camera_for(given["config"], Path(given["bag"])) if "bag" in given else "")
+
 
 LISTENERS = "subscribers"
 """Parameter of `replay`: a recorder listens before the pipeline does, and both shall hear the first message."""
@@ -202,6 +223,8 @@ def commands(launch: Launch, given: Mapping[str, str]) -> list[tuple[Started, li
             name: _value(launch, argument, given) for name, argument in node.parameters.items()
         }
         values |= node.fixed
+        if node.sees_by_camera and (camera := camera_of(given)):
+            values[CAMERA] = camera
         if node.executable == "replay":
             values[LISTENERS] = listeners(given["record"])
         words = [*PYTHON, "-m", f"mild_ros.{node.executable}_node", "--ros-args"]

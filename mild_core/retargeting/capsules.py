@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import product
 from typing import NamedTuple
 
@@ -106,11 +106,10 @@ class Capsules:
     outer_m: FloatArray
     pairs: FloatArray
 
-    @property
+    @cached_property
     def moving(self) -> FloatArray:
         """Places of those that the chain moves, without its first joint's: a shoulder meets nobody."""
-        found: FloatArray = np.flatnonzero(self.mounted >= FIRST_MET).astype(np.float64)
-        return found
+        return np.flatnonzero(self.mounted >= FIRST_MET).astype(np.float64)
 
 
 @lru_cache(maxsize=8)
