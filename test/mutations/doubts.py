@@ -245,7 +245,7 @@ FAULTS = (
         ERRORS,
     ),
     Fault(
-        "windows drawn instead of trials",
+        "too many trials are drawn",
         "Intervals are those of independent windows, and far too narrow.",
         EVALUATION,
         "size=(BOOTSTRAP_DRAWS, len(parts)))",
