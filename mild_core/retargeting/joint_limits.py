@@ -13,8 +13,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import yaml
-
 from mild_core.budgets import SETTINGS_BYTES, read_file
 from mild_core.errors import SetupError
 from mild_core.fields import Fields
@@ -39,21 +37,13 @@ class JointLimits(NamedTuple):
     jerk: float = math.inf
 
 
-class _Loader(yaml.SafeLoader):  # type: ignore[misc]
-    """Knows xacro's two tags."""
-
-
-def _angle(unit: float) -> Callable[[yaml.SafeLoader, yaml.Node], float]:
-    def value(loader: yaml.SafeLoader, node: yaml.Node) -> float:
-        if not isinstance(node, yaml.ScalarNode):
+def _angle(unit: float) -> Callable[[Any, Any], float]:
+    def value(loader: Any, node: Any) -> float:
+        if node.id != "scalar":
             raise ValueError(f"line {node.start_mark.line + 1}: {node.tag} stands before no number")
         return unit * float(loader.construct_scalar(node))
 
     return value
-
-
-_Loader.add_constructor("!degrees", _angle(math.pi / 180.0))
-_Loader.add_constructor("!radians", _angle(1.0))
 
 
 def read_joint_limits(path: Path) -> dict[str, JointLimits]:
@@ -62,10 +52,17 @@ def read_joint_limits(path: Path) -> dict[str, JointLimits]:
     Raises:
         SetupError: Names the file, the key and what is wrong.
     """
+    import yaml  # only who has such a file needs it
+
+    class Loader(yaml.SafeLoader):  # type: ignore[misc]
+        """Knows xacro's two tags."""
+
+    Loader.add_constructor("!degrees", _angle(math.pi / 180.0))
+    Loader.add_constructor("!radians", _angle(1.0))
     text = read_file(path, SETTINGS_BYTES, REMEDY).decode(errors="replace")
     try:
         check_yaml(text)
-        values = _Loader(text).get_single_data()
+        values = Loader(text).get_single_data()
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         problem = f"is no YAML that can be used: {printable(' '.join(str(error).split()), 200)}"
         raise SetupError(str(path), problem, REMEDY) from None
