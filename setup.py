@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """An ament_python package: `colcon build` in a ROS 2 workspace, or `pip install .` beside the ROS 2 wheels."""
 
+import sys
 from pathlib import Path
 
 from setuptools import find_packages, setup  # first: it brings distutils where Python no longer has it
@@ -22,11 +23,18 @@ def share_files() -> list[tuple[str, list[str]]]:
     return found
 
 
-class InstallDataAndLaunchers(install_data):
-    """pip puts console scripts into bin/, but `ros2 run` looks in lib/mild_ros/: leave a launcher for each there.
+def console_scripts() -> list[str]:
+    """`mild` for everybody, and for colcon the nodes.
 
-    colcon follows setup.cfg and puts the scripts themselves there, so it needs none.
+    colcon calls this file and follows setup.cfg, so that scripts land in lib/mild_ros/, where `ros2 run` looks. pip
+    puts them into bin/, which is in everybody's PATH: no place for a `record` and a `replay`.
     """
+    nodes = NODES if {"install", "develop"} & set(sys.argv) else ()
+    return ["mild = mild_ros.command_line.main:main", *(f"{name} = mild_ros.{name}_node:main" for name in nodes)]
+
+
+class InstallDataAndLaunchers(install_data):
+    """Leaves a launcher of each node where `ros2 run` looks, in lib/mild_ros/, as pip makes scripts in bin/ only."""
 
     def run(self) -> None:
         """Copy the data files, then write the launchers."""
@@ -35,9 +43,9 @@ class InstallDataAndLaunchers(install_data):
             return
         folder = Path(self.install_dir, "lib", "mild_ros")
         folder.mkdir(parents=True, exist_ok=True)
-        for name in ("mild", *NODES):
+        for name, words in {"mild": "", **{node: f" run {node}" for node in NODES}}.items():
             launcher = folder / name
-            launcher.write_text(f'#!/bin/sh\nexec "${{0%/*}}/../../bin/{name}" "$@"\n')
+            launcher.write_text(f'#!/bin/sh\nexec "${{0%/*}}/../../bin/mild"{words} "$@"\n')
             launcher.chmod(0o755)
             self.outfiles.append(str(launcher))
 
@@ -82,12 +90,7 @@ setup(
         "learning": ["scipy", "torch"],
         "test": ["hypothesis", "mcap", "mypy", "pytest", "pytest-timeout", "pytest-xdist", "ruff", "torch"],
     },
-    entry_points={
-        "console_scripts": [
-            *(f"{name} = mild_ros.{name}_node:main" for name in NODES),
-            "mild = mild_ros.command_line.main:main",
-        ]
-    },
+    entry_points={"console_scripts": console_scripts()},
     cmdclass={"install_data": InstallDataAndLaunchers},
     zip_safe=False,
 )

@@ -61,6 +61,15 @@ class DataError(MildError):
         super().__init__(f"{reason}: {self.detail}")
 
 
+def near(name: str, known: Iterable[str]) -> str:
+    """What to use in place of a name that is in no table: the names that are likest, or else some that there are."""
+    names = list(known)
+    close = get_close_matches(name[:THING_LIMIT], names, n=3, cutoff=0.5)
+    if close:
+        return f"did you mean '{chr(39).join(close[:1])}'?" if len(close) == 1 else f"did you mean {', '.join(close)}?"
+    return f"there are {', '.join(names[:10])}{' and others' * (len(names) > 10)}"
+
+
 def unknown_name(thing: str, name: str, known: Iterable[str]) -> SetupError:
     """The error for a name that is in no table: lists the names that would have worked, the likeliest first."""
     names = list(known)

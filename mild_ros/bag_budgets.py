@@ -21,18 +21,19 @@ from collections.abc import Callable, Generator, Mapping
 from contextvars import ContextVar
 from functools import lru_cache
 from pathlib import Path
+from shlex import quote as shell_quote
 from types import SimpleNamespace
 from typing import Any
+from urllib.parse import quote
 
 from lz4.frame import LZ4FrameDecompressor
-from rosbags.highlevel import anyreader
 from rosbags.rosbag1 import reader as reader_1
 from rosbags.rosbag2 import metadata, reader, storage_mcap, storage_sqlite3
 from rosbags.typesys import get_types_from_idl, get_types_from_msg
 
 from mild_core.budgets import kind_of_file, shown
 from mild_core.errors import BagError
-from mild_ros.yaml_budget import check_yaml
+from mild_core.yaml_budget import check_yaml
 
 METADATA_BYTES = 2 << 20
 """Largest metadata.yaml; rosbag2 writes about 250 bytes for each file of a bag that was split."""
@@ -79,9 +80,11 @@ STEPS_AT_ONCE = 100_000
 PAUSE_NS, PER_MESSAGE_NS, LONGEST_PAUSE_NS = 600 * 10**9, 10 * 10**9, 24 * 3600 * 10**9
 """A replay lasts at most ten minutes and ten seconds for each message so far, and no pause is longer than a day."""
 
-SALVAGE = "add --salvage to read what is left of it"
+SALVAGE = "add --salvage (to a node: -p salvage:=true) to read what is left of it"
 DISTRUST = "do not trust this bag"
-UNPACK = "if you trust it, unpack it with `zstd -d` and give the unpacked file"
+UNPACK = "if you trust it, `zstd -d FILE.mcap.zstd -o FILE.mcap` and give that file"
+
+RESTORE = "restore what it leads to, e.g. with `git annex get` or `dvc pull`, or copy the bag again"
 
 apsw = storage_sqlite3.apsw
 """The sqlite3 that rosbags uses."""
@@ -188,12 +191,15 @@ def check_file(file: Path, named: Path) -> None:
         found = os.stat(file)
     except OSError as error:
         problem = f"is a link out of the bag, to {real}, and" if outside else ""
-        raise BagError(str(file), f"{problem} cannot be read ({error.strerror})", SALVAGE) from None
+        remedy = RESTORE if file.is_symlink() else SALVAGE
+        raise BagError(str(file), f"{problem} cannot be read ({error.strerror})", remedy) from None
     # First, so that no one is asked to copy a device.
     if kind := kind_of_file(found.st_mode):
         raise BagError(str(file), f"is {kind}, not a file", DISTRUST)
     if outside:
-        raise BagError(str(file), f"is a link out of the bag, to {real}", f"if you trust it: cp -rL {named.name} COPY")
+        raise BagError(
+            str(file), f"is a link out of the bag, to {real}", f"if you trust it: cp -rL {shell_quote(str(named))} COPY"
+        )
     on_disk = found.st_blocks * 512
     if found.st_size > SPARSE_BYTES and on_disk * SPARSE_RATIO < found.st_size and _is_mostly_hole(file):
         raise BagError(str(file), f"claims {shown(found.st_size)}, with {shown(on_disk)} on the disk", DISTRUST)
@@ -395,6 +401,12 @@ def _bounded_database(connection: Any) -> None:
     connection.set_authorizer(only_reading)
 
 
+def _database(address: str, **options: Any) -> Any:
+    """As `apsw.Connection`, of an address in which rosbags has not quoted the path."""
+    path, _, query = address.removeprefix("file:").rpartition("?")
+    return apsw.Connection(f"file:{quote(path)}?{query}", **options)
+
+
 def only_reading(action: int, *about: str | None) -> int:
     """An authorizer for a bag's database: tables may be read, and no view or function of its own answers."""
     function, view = about[1], about[3]
@@ -424,7 +436,7 @@ class TimeBudget:
     """Time that a replay has to live through, which a bag of two messages can make endless."""
 
     def __init__(self) -> None:
-        self._spent_ns = self._count = 0
+        self._spent_ns = self._count = self._first_ns = 0
         self._before_ns: int | None = None
 
     def reach(self, time_ns: int) -> None:
@@ -433,12 +445,15 @@ class TimeBudget:
         Raises:
             OverBudgetError: So much time lies between messages that a replay would never end.
         """
+        self._first_ns = time_ns if self._before_ns is None else self._first_ns
         pause_ns = 0 if self._before_ns is None else max(time_ns - self._before_ns, 0)
         self._spent_ns += pause_ns
         if pause_ns > LONGEST_PAUSE_NS or self._spent_ns > PAUSE_NS + (self._count + 1) * PER_MESSAGE_NS:
+            start_s = (time_ns - self._first_ns) * 1e-9 - 0.001
+            behind = f"begin behind that with --start {start_s:.3f}, or " if pause_ns > LONGEST_PAUSE_NS else ""
             raise OverBudgetError(
                 f"has no message for {_span(pause_ns)} after its first {self._count}",
-                "cut it there, or correct its times; a replay lasts at most 10 min and 10 s for each message",
+                f"{behind}correct its times; a replay lasts at most 10 min and 10 s for each message",
             )
         self._count, self._before_ns = self._count + 1, time_ns
 
@@ -451,6 +466,7 @@ def _span(time_ns: int) -> str:
 # What is put into another library's place is checked by the tests that open hostile bags, not by types.
 _mcap: Any = storage_mcap
 _reader: Any = reader
+_sqlite3: Any = storage_sqlite3
 _MSGSRC, _DECOMPRESS, _ZSTD, _PARSE_QOS = _mcap.msgsrc, _mcap.decompress, _reader.zstd, metadata.parse_qos
 
 
@@ -470,7 +486,8 @@ def bound_rosbags() -> None:
     for module in modules:
         module.parse_qos = _parse_qos
     apsw.connection_hooks.append(_bounded_database)
-    anyreader.get_types_from_msg, anyreader.get_types_from_idl = types_from_msg, types_from_idl
+    # rosbags makes an address of the path, in which `?`, `#` and `%` mean something.
+    _sqlite3.apsw = SimpleNamespace(**{**vars(apsw), "Connection": _database})
 
 
 bound_rosbags()

@@ -119,6 +119,25 @@ def with_camera(parameters: PipelineParameters, bag: Path, given: Sequence[str] 
     return replace(parameters, robot_from_camera=stated)
 
 
+def camera_for(config: str, bag: Path) -> str:
+    """The camera for a replay with the parameters of a configuration, as the parameter takes it; "" for none.
+
+    Args:
+        config: A name in `share/mild_ros/config`, or a path, with or without `.yaml`.
+        bag: The bag that is replayed.
+
+    Raises:
+        BagError: As `with_camera`.
+        SetupError: There is no such configuration, or it sets what there is not.
+    """
+    from mild_ros.parameter_files import read_parameters
+    from mild_ros.settings import PipelineParameters
+
+    return with_camera(
+        read_parameters(PipelineParameters, "pipeline", config.removesuffix(".yaml")), bag
+    ).robot_from_camera
+
+
 def keep_camera(recorded: Path, parameters: PipelineParameters) -> None:
     """Let a recorded bag state the camera that it was recorded with, if it was measured."""
     if parameters.robot_from_camera:

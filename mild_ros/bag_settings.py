@@ -19,6 +19,9 @@ class RecordParameters:
 
     bag: str = parameter("", "Folder of the new bag; must not exist yet.")
     topics: tuple[str, ...] = parameter((), "Topics to record, e.g. [skeleton, joint_command]; none means all.")
+    report_recorded: bool = parameter(
+        False, "Repeat on `recorded` what was written of `handled`, for a replay in lock-step."
+    )
     split_mb: float = parameter(
         0.0, "Begin a new file when one is so long; 0 for never.", unit="MB", minimum=0.0, maximum=1e6
     )
@@ -35,7 +38,7 @@ class ReplayParameters(TrackerParameters):
         choices=("real_time", "lock_step"),
     )
     rate: float = parameter(1.0, "Speed in real time; 2 is twice as fast.", minimum=0.05, maximum=20.0)
-    start_s: float = parameter(0.0, "How much of the beginning to skip.", unit="s", minimum=0.0, maximum=1e6)
+    start_s: float = parameter(0.0, "How much of the beginning to skip.", unit="s", minimum=0.0, maximum=1e10)
     loop: bool = parameter(False, "Begin again after the end, until stopped.")
     paused: bool = parameter(False, "Wait, before the first message, until `~/pause` is called with false.")
     restamp: bool = parameter(True, "In real time: give messages the time of their sending, as a live tracker would.")
@@ -57,6 +60,9 @@ class ReplayParameters(TrackerParameters):
     robot: str = parameter("yumi", "Robot whose home that is.")
     reporters: int = parameter(
         1, "In lock-step: how many nodes report on `handled`; 1 for pipeline, 3 for the stages.", minimum=1, maximum=3
+    )
+    recorders: int = parameter(
+        0, "In lock-step: how many recorders say on `recorded` what they have written.", minimum=0, maximum=100
     )
     subscribers: int = parameter(1, "Wait for so many subscribers of the skeletons.", minimum=0, maximum=100)
     patience_s: float = parameter(

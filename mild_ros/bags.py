@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reading bags without ROS: any rosbag2 (mcap, sqlite3, zstd) or ROS 1 bag; one readable line when one is broken.
 
-A bag comes from anywhere, so everything that a reader may throw on foreign bytes ends here as a `BagError`.
-Writing lives in `bag_writer.py`, what can be saved of a broken bag in `salvage.py`.
+A bag comes from anywhere, so everything that a reader may throw on foreign bytes ends here as a `BagError`. Messages
+of any age come as those of Jazzy (`bag_types.py`). Writing lives in `bag_writer.py`, what can be saved of a broken bag
+in `salvage.py`.
 """
 
 from __future__ import annotations
@@ -13,12 +14,13 @@ import tempfile
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from rosbags.highlevel import AnyReader
-from rosbags.typesys import Stores, get_typestore
+from rosbags.interfaces import Connection, ConnectionExtRosbag1, MessageDefinitionFormat, QosDurability
+from rosbags.rosbag1 import Reader as Ros1Reader
+from rosbags.rosbag2 import Reader as Ros2Reader
+from rosbags.rosbag2.storage_mcap import McapReader
 from rosbags.typesys.store import Typestore
 
 from mild_core.errors import BagError, DataError
@@ -31,37 +33,43 @@ from mild_ros.bag_budgets import (
     OverBudgetError,
     check_file,
     check_metadata,
-    check_types,
     is_storage,
 )
-from mild_ros.ros1 import SUFFIX, as_rosbag2
+from mild_ros.bag_types import Layouts, current_name, jazzy_types
+from mild_ros.salvage import rewritten
 from mild_ros.salvage import salvage as save_what_is_left
+from mild_ros.salvage_mcap import tells_enough
+
+__all__ = ["BagReader", "RawMessage", "TopicSummary", "jazzy_types", "open_bag", "topic_of_type"]
 
 METADATA = "metadata.yaml"
+ROS1 = ".bag"
+REINDEX = "mend it with `rosbag reindex` of ROS 1, or record it again"
 
 
 @dataclass(frozen=True)
 class TopicSummary:
-    """One topic of a bag: its message type, e.g. `sensor_msgs/msg/JointState`, and how many messages it holds."""
+    """One topic of a bag.
+
+    Attributes:
+        type_name: Of its messages, by the name of today, e.g. `sensor_msgs/msg/JointState`.
+        count: How many it holds.
+        latched: Whether the last one waits for whoever comes late.
+    """
 
     type_name: str
     count: int
+    latched: bool = False
 
 
 @dataclass(frozen=True)
 class RawMessage:
-    """One message as it was recorded: topic, type, time of receipt [ns], and the exact CDR bytes."""
+    """One message: topic, type, time of receipt [ns], and CDR bytes, as recorded or brought into the form of today."""
 
     topic: str
     type_name: str
     time_ns: int
     data: bytes
-
-
-@cache
-def jazzy_types() -> Typestore:
-    """All message types of ROS 2 Jazzy, for reading and writing messages without ROS."""
-    return get_typestore(Stores.ROS2_JAZZY)
 
 
 class BagReader:
@@ -70,38 +78,39 @@ class BagReader:
     Attributes:
         path: The folder or file that was opened.
         topics: What is in it.
-        lost: What of it is not there, in a few words: of a broken bag that is salvaged, or of types of ROS 1 that
-            ROS 2 does not have; "" when it is all there.
+        types: Those of ROS 2 Jazzy, and those of the bag's own definitions that Jazzy does not have.
+        lost: What of it is not there, in a few words: of a broken bag that is salvaged, or in encodings that are not
+            of ROS; "" when it is all there.
         start_ns: Time of its first message.
         duration_s: From its first message to its last.
     """
 
-    def __init__(self, path: Path, reader: AnyReader, lost: str = "") -> None:
+    def __init__(self, path: Path, reader: Ros1Reader | Ros2Reader, lost: str = "") -> None:
         self.path = path
         self.lost = lost
         self.start_ns = int(reader.start_time)
         self.duration_s = max(int(reader.duration), 0) * 1e-9
         self._reader = reader
+        self._remedy = REINDEX if isinstance(reader, Ros1Reader) else SALVAGE
         self._bag_bytes = Account.of(path).bag_bytes
-        self._types: Typestore | None = None
-        self.topics: Mapping[str, TopicSummary] = {
-            topic: TopicSummary(info.msgtype or "(several types)", info.msgcount)
-            for topic, info in reader.topics.items()
-        }
         names = [name for connection in reader.connections for name in (connection.topic, connection.msgtype)]
         if not all(isinstance(name, str) and name for name in names):
             raise ValueError("a topic or a type has no name")
+        self._layouts = Layouts()
+        self._own = {self._key(c): self._layouts.define(*_definition(c)) for c in reader.connections}
+        self.types: Typestore = self._layouts.types
+        self.topics: Mapping[str, TopicSummary] = {topic: self._summary(topic) for topic in sorted(reader.topics)}
 
-    @property
-    def types(self) -> Typestore:
-        """The types of ROS 2 Jazzy, and those of the bag's own definitions that it does not have."""
-        if self._types is None:
-            self._types, own = get_typestore(Stores.ROS2_JAZZY), self._reader.typestore.fielddefs
-            self._types.register({name: own[name] for name in own if name not in self._types.fielddefs})
-        return self._types
+    def _summary(self, topic: str) -> TopicSummary:
+        found = [connection for connection in self._reader.connections if connection.topic == topic]
+        names = {current_name(connection.msgtype) for connection in found}
+        name = names.pop() if len(names) == 1 else "(several types)"
+        return TopicSummary(name, sum(c.msgcount for c in found), any(_is_latched(c) for c in found))
 
-    def messages(self, topics: Collection[str] | None = None, start_ns: int | None = None) -> Iterator[RawMessage]:
-        """Messages in order of receipt, of `topics` only and not before `start_ns` when given.
+    def messages(
+        self, topics: Collection[str] | None = None, start_ns: int | None = None, stop_ns: int | None = None
+    ) -> Iterator[RawMessage]:
+        """Messages in order of receipt, of `topics` only, not before `start_ns` and before `stop_ns` when given.
 
         Raises:
             BagError: The bag breaks off, or holds fewer or more messages than its metadata says.
@@ -109,25 +118,35 @@ class BagReader:
         wanted = [c for c in self._reader.connections if topics is None or c.topic in topics]
         if not wanted:
             return
-        account = Account(self._bag_bytes)
+        account, is_ros1 = Account(self._bag_bytes), isinstance(self._reader, Ros1Reader)
+        converts = {
+            self._key(c): self._layouts.convert(self._own[self._key(c)], c.msgtype, is_ros1=is_ros1) for c in wanted
+        }
         expected, seen = sum(c.msgcount for c in wanted), 0
-        source = self._reader.messages(connections=wanted, start=start_ns)
+        source = self._reader.messages(connections=wanted, start=start_ns, stop=stop_ns)
         while True:
             account.use()
             try:
                 connection, time_ns, data = next(source)
                 account.unpack(len(data))
-                raw = RawMessage(connection.topic, connection.msgtype, _time(time_ns), bytes(data))
+                convert = converts[self._key(connection)]
+                content = bytes(data) if convert is None else convert(bytes(data))
+                raw = RawMessage(connection.topic, current_name(connection.msgtype), _time(time_ns), content)
             except StopIteration:
                 break
             except OverBudgetError as error:
                 raise error.of(self.path) from None
             except Exception as error:  # any failure on foreign bytes is the bag's fault, whatever its class
-                raise BagError(str(self.path), f"breaks off after {seen} messages ({_why(error)})", SALVAGE) from None
+                problem = f"breaks off after {seen} messages ({_why(error)})"
+                raise BagError(str(self.path), problem, self._remedy) from None
             seen += 1
             yield raw
-        if seen != expected and start_ns is None:
-            raise BagError(str(self.path), f"holds {seen} messages where {expected} are announced", SALVAGE)
+        if seen != expected and start_ns is None and stop_ns is None:
+            raise BagError(str(self.path), f"holds {seen} messages where {expected} are announced", self._remedy)
+
+    @staticmethod
+    def _key(connection: Connection) -> tuple[int, str, str]:
+        return connection.id, connection.topic, connection.msgtype
 
     def decode(self, raw: RawMessage) -> Any:
         """The message itself: attributes as in ROS, arrays as NumPy.
@@ -137,11 +156,10 @@ class BagReader:
         """
         if len(raw.data) > DECODED_BYTES and raw.type_name not in FLAT_TYPES:
             raise DataError("undecodable", f"{raw.topic} at {raw.time_ns}: has {len(raw.data)} bytes")
-        own = any(connection.msgtype == raw.type_name for connection in self._reader.connections)
+        if raw.type_name not in self.types.fielddefs:
+            raise DataError("undecodable", f"{raw.topic}: the bag does not define {raw.type_name}")
         try:
-            if not own:  # a message that was made here, not read from the bag
-                return jazzy_types().deserialize_cdr(raw.data, raw.type_name)
-            return self._reader.deserialize(raw.data, raw.type_name)
+            return self.types.deserialize_cdr(raw.data, raw.type_name)
         except Exception as error:  # as above: foreign bytes
             raise DataError("undecodable", f"{raw.topic} at {raw.time_ns}: {_why(error)}") from None
 
@@ -171,21 +189,38 @@ def _opened(path: Path, salvage: bool, stack: ExitStack) -> BagReader:
     """The bag, within its budgets and until `stack` is left."""
     _check_files(path, salvage)
     Account.of(path).use()
-    part, lost = path, ""
-    if salvage and path.suffix != SUFFIX:
-        saved = save_what_is_left(path, _scratch(stack), jazzy_types())
-        part, lost = saved.path, saved.lost
-    elif path.suffix == SUFFIX:
-        part, lost = as_rosbag2(path, _scratch(stack), jazzy_types())
+    if path.suffix == ROS1:
+        return _read(path, path, "", "cannot be read as a bag of ROS 1", REINDEX, stack)
+    if salvage:
+        saved = save_what_is_left(path, _scratch(stack))
+        remedy = "nothing readable is left; record it again"
+        return _read(path, saved.path, saved.lost, "cannot be read as a bag", remedy, stack)
     try:
-        reader = stack.enter_context(AnyReader([part], default_typestore=jazzy_types()))
-        check_types(reader.typestore.fielddefs)
+        bag = _read(path, path, "", "cannot be read as a bag", SALVAGE, stack)
+    except BagError:
+        # A good file may still be one that rosbags does not know: mcap leaves much open.
+        again = rewritten(path, _scratch(stack))
+        if again is None:
+            raise
+        return _read(path, again.path, again.lost, "cannot be read as a bag", SALVAGE, stack)
+    return bag
+
+
+def _read(path: Path, part: Path, lost: str, problem: str, remedy: str, stack: ExitStack) -> BagReader:
+    """A bag of which `part` holds the messages.
+
+    Raises:
+        BagError: It is broken.
+    """
+    try:
+        reader: Ros1Reader | Ros2Reader = Ros1Reader(part) if part.suffix == ROS1 else Ros2Reader(part)
+        stack.enter_context(reader)
         bag = BagReader(path, reader, lost)
     except OverBudgetError:
         raise
     except Exception as error:  # rosbags raises many classes here, its own and raw ones
-        raise BagError(str(path), f"cannot be read as a bag ({_why(error)})", _remedy(salvage)) from None
-    if not salvage:
+        raise BagError(str(path), f"{problem} ({_why(error)})", remedy) from None
+    if part == path and isinstance(reader, Ros2Reader):
         _check_counts(path, reader)
     return bag
 
@@ -226,7 +261,7 @@ def _check_files(path: Path, salvage: bool) -> None:
     """
     if not path.is_dir():
         check_file(path, path)
-        if path.suffix not in (".mcap", ".db3", SUFFIX) and not salvage:
+        if path.suffix not in (".mcap", ".db3", ROS1) and not salvage:
             raise BagError(str(path), "is no bag", "give a folder with metadata.yaml, or a .mcap, .db3 or .bag file")
         return
     file = path / METADATA
@@ -254,14 +289,32 @@ def _listed_files(metadata: str) -> list[str]:
     return re.findall(r"[^\s,\[\]'\"]{2,}", found.group(1)) if found else []
 
 
-def _check_counts(path: Path, reader: AnyReader) -> None:
+def _check_counts(path: Path, reader: Ros2Reader) -> None:
     """Compare what metadata.yaml announces with what the storage files say of themselves."""
-    for part in reader.readers:
-        storages = getattr(getattr(part, "storage", None), "storages", [])
-        stored = sum(storage.metadata.message_count for storage in storages)
-        if storages and stored != part.message_count:
-            said = f"metadata.yaml announces {part.message_count} messages, its files hold {stored}"
-            raise BagError(str(path), said, SALVAGE)
+    storages = getattr(reader.storage, "storages", None) or [reader.storage]
+    stored = sum(storage.metadata.message_count for storage in storages)
+    if stored != reader.message_count:
+        said = f"metadata.yaml announces {reader.message_count} messages, its files hold {stored}"
+        raise BagError(str(path), said, SALVAGE)
+    for storage in storages:
+        if isinstance(storage, McapReader) and not tells_enough(storage):
+            raise BagError(
+                str(path), "has a summary that leaves out channels, counts or the order of messages", SALVAGE
+            )
+
+
+def _definition(connection: Connection) -> tuple[str, str, bool]:
+    """The text that defines the type of a topic, its name, and whether it is in IDL."""
+    form = connection.msgdef.format
+    text = "" if form == MessageDefinitionFormat.NONE else connection.msgdef.data
+    return text, connection.msgtype, form == MessageDefinitionFormat.IDL
+
+
+def _is_latched(connection: Connection) -> bool:
+    """Whether the last message of a topic waits for whoever comes late."""
+    if isinstance(connection.ext, ConnectionExtRosbag1):
+        return bool(connection.ext.latching)
+    return any(qos.durability == QosDurability.TRANSIENT_LOCAL for qos in connection.ext.offered_qos_profiles)
 
 
 def _time(time_ns: object) -> int:
@@ -269,10 +322,6 @@ def _time(time_ns: object) -> int:
     if not (isinstance(time_ns, int) and 0 <= time_ns < 2**63):
         raise ValueError(f"a message has the time {time_ns!r}")
     return time_ns
-
-
-def _remedy(salvage: bool) -> str:
-    return "nothing readable is left; record it again" if salvage else SALVAGE
 
 
 def _why(error: Exception) -> str:

@@ -28,6 +28,15 @@ RECORDED = "recorded"
 PATIENCE_S = 600.0
 """For nodes to start: the first start compiles, and a busy machine takes its time."""
 
+DISCOVERY_S = 60.0
+"""For nodes that are at work to hear each other: DDS takes a second or two, a busy machine ten times that."""
+
+READY = "through {}"
+"""What the pipeline says last of its model when it is at work."""
+
+OVERDUE_S = 60.0
+"""So long after its end a bag is given up: whoever waits for what it causes waits in vain."""
+
 TOPICS = (
     *("joint_states", JOINT_COMMAND, "motion", "motion_state", "interaction", "true_motion", "handled"),
     "/diagnostics",
@@ -97,13 +106,16 @@ def run_nodes(
     shutil.rmtree(recorded, ignore_errors=True)
     with private_domain() as domain, Nodes(domain, out / "log") as nodes:
         _start_listeners(nodes, recorded, [feed.topic for feed in feeds.values()], options)
+        ready, starting = READY.format(options.pipeline.model), lambda: progress("starting nodes", 0.0)
+        _until(lambda: nodes.has_said("pipeline", ready), nodes, starting, PATIENCE_S, "are not ready")
         # Only then does the bag start: whatever a recorder writes down has been discovered, loaded and is at work.
         flowing = FIRST_HEARD.format("/joint_states" if options.lock_step else "/joint_command")
-        _until(lambda: nodes.has_said("record", flowing), nodes, lambda: progress("starting nodes", 0.0), PATIENCE_S)
+        _until(lambda: nodes.has_said("record", flowing), nodes, lambda: progress("looking for each other", 0.0))
         when_ready()
         nodes.start("replay", _replay_parameters(bag, options))
-        _until(lambda: nodes.has_said("replay", "replaying"), nodes, lambda: progress("starting nodes", 0.0))
-        _follow(nodes, duration_s, progress, forever=options.loop)
+        _until(lambda: nodes.has_said("replay", "replaying"), nodes, lambda: progress("looking for each other", 0.0))
+        longest_s = math.inf if options.loop or options.lock_step else duration_s + OVERDUE_S
+        _follow(nodes, duration_s, progress, longest_s, forever=options.loop)
         nodes.stop("record")
     return recorded
 
@@ -116,11 +128,12 @@ def _start_listeners(nodes: Nodes, recorded: Path, skeleton_topics: list[str], o
     simulated = {name: told[name] for name in ("robot", "robot_description") if name in told}
     outputs = options.pipeline.outputs
     nodes.start("simulation", simulated | sim_time)
-    nodes.start("record", {"bag": recorded.resolve(), "topics": [*TOPICS, *outputs, *skeleton_topics]} | sim_time)
+    recording = {"bag": recorded.resolve(), "topics": [*TOPICS, *outputs, *skeleton_topics]}
+    nodes.start("record", recording | {"report_recorded": options.lock_step} | sim_time)
     nodes.start("pipeline", told | {"report_handled": True} | sim_time)
 
 
-def _follow(nodes: Nodes, duration_s: float, progress: Progress, *, forever: bool) -> None:
+def _follow(nodes: Nodes, duration_s: float, progress: Progress, longest_s: float, *, forever: bool) -> None:
     """Wait until the bag has ended, and until what it caused is over; KeyboardInterrupt ends one that never does."""
     begin_s, what = time.monotonic(), REPLAYING[forever]
 
@@ -129,7 +142,7 @@ def _follow(nodes: Nodes, duration_s: float, progress: Progress, *, forever: boo
         progress(what, share % 1.0 if forever else min(share, 1.0))
 
     try:
-        _until(lambda: nodes.has_ended("replay"), nodes, tell)
+        _until(lambda: nodes.has_ended("replay"), nodes, tell, longest_s, "did not end")
     except KeyboardInterrupt:
         if not forever:
             raise
@@ -149,23 +162,28 @@ def _replay_parameters(bag: Path, options: RunOptions) -> dict[str, object]:
         "bag": bag.resolve(),
         "mode": "lock_step" if options.lock_step else "real_time",
         "joint_states": "none",
+        "recorders": int(options.lock_step),
         "subscribers": 2,
-        "patience_s": PATIENCE_S,
+        "patience_s": DISCOVERY_S,
     }
 
 
 def _until(
-    happened: Callable[[], bool], nodes: Nodes, meanwhile: Callable[[], None], patience_s: float = math.inf
+    happened: Callable[[], bool],
+    nodes: Nodes,
+    meanwhile: Callable[[], None],
+    patience_s: float = DISCOVERY_S,
+    problem: str = "do not hear each other",
 ) -> None:
     """Wait until `happened`, looking after the nodes.
 
     Raises:
-        SetupError: One has failed, or it took longer than `patience_s`.
+        SetupError: One has failed, or it took longer than `patience_s`, which is the `problem` then.
     """
     deadline_s = time.monotonic() + patience_s
     while not happened():
         nodes.check("replay")
         if time.monotonic() > deadline_s:
-            raise SetupError("nodes", f"not at work after {patience_s:.0f} s", f"see {nodes.log_folder}; ./mild doctor")
+            raise SetupError("nodes", f"{problem} within {patience_s:.0f} s", f"see {nodes.log_folder}; ./mild doctor")
         meanwhile()
         time.sleep(LOOK_S)

@@ -6,9 +6,10 @@ from __future__ import annotations
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from mild_core.printable import printable
 from mild_ros.clock import steady_clock
@@ -29,6 +30,9 @@ LONGEST = 2000
 FAILURE_S = 10.0
 """A failure of a callback is an ERROR for so long."""
 
+OTHER_USER = ": as another user, or in a container? ./mild doctor tells"
+"""Why what is published does not come: shared memory is one user's."""
+
 UNREMARKABLE = {
     "perception": {"accepted", "calibrating", "calibrated", "nobody"},
     "inference": {"accepted", "measured", "other_joints"},
@@ -36,6 +40,11 @@ UNREMARKABLE = {
     | {"enabled", "disabled", "reset", "held", "released"},
 }
 """Outcomes of a stage that need no warning; any other is an input that could not be used."""
+
+
+def publisher_names(offers: Sequence[TopicEndpointInfo]) -> str:
+    """The full names of who publishes a topic."""
+    return ", ".join(f"{one.node_namespace.rstrip('/')}/{one.node_name}" for one in offers)
 
 
 class Diagnostics:
@@ -79,10 +88,15 @@ class Diagnostics:
         self._expected = (topic, *self._expected)
         self._streams.setdefault(topic, Stream())
 
-    def flowed(self, topic: str, stamp_ns: int | None = None) -> None:
-        """A message came or went; with its stamp, losses before it are told."""
+    def flowed(self, topic: str) -> None:
+        """A message came or went."""
         with self._lock:
-            self._streams.setdefault(topic, Stream()).add(time.monotonic(), stamp_ns)
+            self._streams.setdefault(topic, Stream()).add(time.monotonic())
+
+    def lost(self, topic: str, number: int) -> None:
+        """Messages never came, or newer ones took their place in DDS."""
+        with self._lock:
+            self._streams.setdefault(topic, Stream()).lost += number
 
     def took(self, what: str, duration_ns: int) -> None:
         """Something took a time or had an age."""
@@ -156,13 +170,18 @@ class Diagnostics:
             newest_s = self._streams[topic].newest_s
             silent_s = now_s - (self._started_s if newest_s is None else newest_s)
             if silent_s > SILENCE_S:
-                ever = "yet" if newest_s is None else f"for {silent_s:.1f} s"
+                ever = f"yet{self._unheard(topic)}" if newest_s is None else f"for {silent_s:.1f} s"
                 found.append((DiagnosticStatus.WARN, f"no {topic} {ever}"))
         if self._unusable:
             listed = ", ".join(f"{reason} {count}" for reason, count in self._unusable.most_common())
             found.append((DiagnosticStatus.WARN, f"not usable in the last second: {listed}"))
         found.sort(key=lambda problem: problem[0], reverse=True)
         return (found[0][0] if found else DiagnosticStatus.OK), [text for _, text in found]
+
+    def _unheard(self, topic: str) -> str:
+        """Who publishes a topic of which nothing has come; "" for nobody."""
+        offers = self._node.get_publishers_info_by_topic(self._node.resolve_topic_name(topic))
+        return f", which {publisher_names(offers)} could publish{OTHER_USER}" if offers else ""
 
     def _values(self, now_s: float) -> dict[str, str]:
         elapsed_s = now_s - self._reported_s

@@ -6,28 +6,44 @@ from __future__ import annotations
 import json
 import os
 import platform
+import pwd
 import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from mild_core.errors import MildError
 from mild_core.inference.model import load_model
-from mild_ros.processes import DOMAINS, PYTHON
+from mild_ros.dds_variables import HARMLESS, PAIRED, PROFILES_HERE, UNNAMED, given
+from mild_ros.processes import DOMAINS, PYTHON, shared_memory_owners
 from mild_ros.share import model_folder, model_names
 from mild_ros.simulation.quiet import quiet_terminal
+
+SEE = "see docs/troubleshooting.md"
 
 PYTHONS = ((3, 11), (3, 12))
 LEAST_SHARED_MEMORY_MB = 16
 """Fast DDS takes some MB per process and falls back to UDP without; below this it fails now and then."""
 
 DISCOVERY_PATIENCE_S = 20.0
+AGAIN_PATIENCE_S = 12.0
+"""For two processes to hear each other without a variable that may have kept them apart."""
+
 MACHINES_PATIENCE_S = 30.0
+
+SENDERS_PATIENCE_S = 6.0
+"""Of which discovery takes up to two; the slowest tracker sends five times a second."""
+
+HANGING_S = 20.0
+"""A process that looks for others ends this much later than it was asked to, at the latest."""
 
 REPORT_PATIENCE_S = 3.0
 """Nodes report once a second; discovery takes its time."""
@@ -60,7 +76,8 @@ def python() -> Finding:
 def libraries() -> Finding:
     """Everything that the nodes import."""
     missing = []
-    for name in ("rclpy", "numpy", "numba", "ruckig", "pybullet", "rosbags", "safetensors", "viser", "matplotlib"):
+    ros = ("rclpy",) if has_ros() else ()  # where there is none, `distribution` says so
+    for name in (*ros, "numpy", "numba", "ruckig", "pybullet", "rosbags", "safetensors", "viser", "matplotlib"):
         try:
             with quiet_terminal():  # pybullet tells when it was built
                 import_module(name)
@@ -70,8 +87,16 @@ def libraries() -> Finding:
     return Finding("Libraries", not missing, seen, "remove .venv and run ./mild doctor again; with apt: rosdep install")
 
 
+def has_ros() -> bool:
+    """Whether a ROS 2 is installed here."""
+    return find_spec("rclpy") is not None
+
+
 def distribution() -> Finding:
     """Which ROS 2 the environment says it is, and whether two of them are mixed."""
+    if not has_ros():
+        seen = "not installed here: models, replay in process, view, train and evaluate work without; nodes do not"
+        return Finding("ROS 2", False, seen, "source a ROS 2 Jazzy, or run ./mild in a checkout, which brings one")
     name = os.environ.get("ROS_DISTRO", "jazzy")
     prefixes = [path for path in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if path]
     mixed = any(path.startswith("/opt/ros/") for path in prefixes) and sys.prefix in prefixes
@@ -111,21 +136,103 @@ def log_folder() -> Finding:
     return Finding("Log folder", True, str(place))
 
 
+def environment() -> Finding:
+    """What the environment tells DDS, variable by variable."""
+    told, wrong = [], []
+    for name, value, variable in given():
+        problem = variable.problem(value)
+        told.append(f"{name}={value} ({problem or variable.does})")
+        wrong += [f"{name}: {problem}"] * bool(problem)
+    if not os.environ.get("SKIP_DEFAULT_XML_FILE"):
+        told += [f"{name} in this folder (settings of Fast DDS)" for name in PROFILES_HERE if Path(name).is_file()]
+    seen = "; ".join(told) or "nothing is set that changes DDS"
+    return Finding("DDS settings", not wrong, seen, "; ".join(wrong))
+
+
 def discovery() -> Finding:
     """Whether two processes hear each other over DDS."""
-    names = (f"one_{os.getpid()}", f"two_{os.getpid()}")
-    ends = _heard(*(("hello", own, DISCOVERY_PATIENCE_S, other) for own, other in (names, names[::-1])))
-    deaf = [said for said, other in zip(ends, reversed(names), strict=True) if other not in said]
-    said = deaf[0] if deaf and isinstance(deaf[0], str) else f"nothing heard in {DISCOVERY_PATIENCE_S:.0f} s"
+    said = _deaf(DISCOVERY_PATIENCE_S, os.environ)
+    if said is None:
+        return Finding("Discovery", True, "two processes hear each other")
     remedy = "allow multicast on lo (ip link set lo multicast on), or set ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST"
-    return Finding("Discovery", not deaf, said if deaf else "two processes hear each other", remedy)
+    if culprits := _culprits():
+        named = " and ".join(f"{name}={os.environ[name]}" for name in culprits)
+        remedy = f"unset {' '.join(culprits)}: with {named} nobody is heard, without it two processes hear each other"
+    return Finding("Discovery", False, said, remedy)
+
+
+def _deaf(patience_s: float, environment: Mapping[str, str]) -> str | None:
+    """Why two processes do not hear each other; None when they do."""
+    names = (f"{PAIRED}one_{os.getpid()}", f"{PAIRED}two_{os.getpid()}")
+    both = (("hello", own, patience_s, other) for own, other in (names, names[::-1]))
+    ends = _heard(*both, environment=environment)
+    deaf = [said for said, other in zip(ends, reversed(names), strict=True) if other not in said]
+    if not deaf:
+        return None
+    return deaf[0] if isinstance(deaf[0], str) else f"nothing heard in {patience_s:.0f} s"
+
+
+def _culprits() -> list[str]:
+    """Variables without which two processes hear each other: one if one will do, else all that were tried together."""
+    suspects = [name for name, _, _ in given() if name not in HARMLESS]
+    trials = [[name] for name in suspects] + [suspects] * (len(suspects) > 1)
+
+    def hear_without(names: list[str]) -> bool:
+        return _deaf(AGAIN_PATIENCE_S, {key: value for key, value in os.environ.items() if key not in names}) is None
+
+    with ThreadPoolExecutor(max_workers=4) as pool:
+        return next((names for names, heard in zip(trials, pool.map(hear_without, trials), strict=True) if heard), [])
+
+
+def reception() -> Finding:
+    """Whether what other nodes of this domain publish arrives: seen and not heard is another user, or a container."""
+    (found,) = _heard(("senders", SENDERS_PATIENCE_S))
+    if not isinstance(found, dict):
+        return Finding("Running nodes heard", False, str(found), SEE)
+    strangers = _strangers()
+    unheard = {name: sender["publishes"] for name, sender in found.items() if _is_unheard(name, sender, strangers)}
+    if not unheard:
+        return Finding("Running nodes heard", True, f"{len(found)} other nodes, none of them seen without being heard")
+    named = "; ".join(f"{name} publishes {_some(topics)}" for name, topics in unheard.items())
+    who = f"here runs a node of {' and '.join(strangers)}" if strangers else "it hangs, or runs in another container"
+    remedy = (
+        "run both as one user, containers with --ipc=host --network=host; or before you start one of the two"
+        " export ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET FASTDDS_BUILTIN_TRANSPORTS=UDPv4: docs/deployment.md"
+    )
+    return Finding("Running nodes heard", False, f"{named}, and nothing of it arrives: {who}", remedy)
+
+
+def _is_unheard(name: str, sender: Mapping[str, Any], strangers: list[str]) -> bool:
+    """Whether a node is seen and not heard, rather than one that has nothing to say."""
+    if sender["came"] or sender["answers"]:
+        return False
+    return sender["answers"] is False or name == UNNAMED or bool(strangers)
+
+
+def _some(names: list[str], most: int = 3) -> str:
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
+
+
+def _strangers() -> list[str]:
+    """Other users whose nodes are in this domain, by the shared memory of its ports: `user 'name' (1234)`."""
+    domain = os.environ.get("ROS_DOMAIN_ID") or "0"
+    owners = shared_memory_owners().get(int(domain) if domain.isdecimal() else 0, set())
+    return [_user(number) for number in sorted(owners - {os.getuid()})]
+
+
+def _user(number: int) -> str:
+    try:
+        return f"user '{pwd.getpwuid(number).pw_name}' ({number})"
+    except KeyError:
+        return f"user {number}"
 
 
 def other_machines() -> Finding:
     """Whether a doctor on another machine is heard; only when it is asked for."""
     (names,) = _heard(("hello", platform.node(), MACHINES_PATIENCE_S))
     if isinstance(names, str):
-        return Finding("Other machines", False, names, "see docs/troubleshooting.md")
+        return Finding("Other machines", False, names, SEE)
     seen = f"{platform.node()} hears {', '.join(names)}" if names else f"none heard in {MACHINES_PATIENCE_S:.0f} s"
     remedy = (
         "run it on both at once; the same ROS_DOMAIN_ID, range SUBNET and multicast on both,"
@@ -138,7 +245,7 @@ def running_nodes() -> Finding:
     """What the nodes of this domain say of themselves: rates, frames and all else that is wrong."""
     (found,) = _heard(("reports", REPORT_PATIENCE_S))
     if not isinstance(found, dict):
-        return Finding("Running nodes", False, str(found), "see docs/troubleshooting.md")
+        return Finding("Running nodes", False, str(found), SEE)
     if not found:
         where = os.environ.get("ROS_DOMAIN_ID", "0")
         return Finding("Running nodes", True, f"none reports in domain {where}")
@@ -148,21 +255,32 @@ def running_nodes() -> Finding:
         flowing = ", ".join(f"{key.removesuffix(' rate [Hz]')} {value} Hz" for key, value in rates.items())
         told[name] = f"{name}: {report['message']}" + (f" ({flowing})" if flowing else "")
     unwell = [told[name] for name, report in found.items() if report["level"]]
-    return Finding("Running nodes", not unwell, "; ".join(unwell or told.values()), "see docs/troubleshooting.md")
+    return Finding("Running nodes", not unwell, "; ".join(unwell or told.values()), SEE)
 
 
-def _heard(*questions: tuple[object, ...]) -> list[Any]:
+def _heard(*questions: tuple[object, ...], environment: Mapping[str, str] | None = None) -> list[Any]:
     """The answers of `mild_ros.hearing`, asked all at once; of one that failed, the last line that it said."""
     command = [*PYTHON, "-m", "mild_ros.hearing"]
     asked = [
-        subprocess.Popen([*command, *map(str, words)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        subprocess.Popen(
+            [*command, *map(str, words)], env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
         for words in questions
     ]
-    ends = [(process.communicate(), process.returncode) for process in asked]
-    return [
-        json.loads(out) if code == 0 else ([*error.strip().splitlines(), ""])[-2:][0] or f"ended with code {code}"
-        for (out, error), code in ends
-    ]
+    return [_answer(process) for process in asked]
+
+
+def _answer(process: subprocess.Popen[str]) -> Any:
+    """What a process answered; the last line that it said where it failed or hangs."""
+    try:
+        out, said = process.communicate(timeout=MACHINES_PATIENCE_S + HANGING_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.communicate()
+        return "ROS 2 hangs while it starts"
+    if process.returncode == 0:
+        return json.loads(out)
+    return (said.strip().splitlines() or [f"ended with code {process.returncode}"])[-1]
 
 
 def models() -> Finding:
@@ -178,10 +296,25 @@ def models() -> Finding:
 
 
 EXAMINATIONS: tuple[Callable[[], Finding], ...] = (
-    *(python, libraries, distribution, domain, shared_memory, log_folder, discovery, running_nodes, models),
+    *(python, libraries, distribution, domain, environment, shared_memory, log_folder),
+    *(discovery, reception, running_nodes, models),
 )
 
+WITHOUT_ROS: tuple[Callable[[], Finding], ...] = (python, libraries, distribution, models)
+"""Where there is no ROS 2 the rest would only say so again."""
 
-def examinations(*, machines: bool = False) -> tuple[Callable[[], Finding], ...]:
-    """What is looked at; with `machines` also for a doctor on another one."""
-    return (*EXAMINATIONS, other_machines) if machines else EXAMINATIONS
+
+LISTENING = (discovery, reception, running_nodes)
+"""These wait for others, in processes of their own: they are begun first, and all at once."""
+
+
+@contextmanager
+def examinations(*, machines: bool = False) -> Iterator[tuple[Callable[[], Finding], ...]]:
+    """What is looked at, to be asked in this order; with `machines` also for a doctor on another one."""
+    if not has_ros():
+        yield WITHOUT_ROS
+        return
+    with ThreadPoolExecutor() as pool:
+        begun = {one: pool.submit(one) for one in LISTENING}
+        found = tuple(begun[one].result if one in begun else one for one in EXAMINATIONS)
+        yield (*found, other_machines) if machines else found

@@ -126,6 +126,10 @@ TOPICS = (
         *("handled", "std_msgs/Header", "every stage", "replay"),
         "the fate of each input, for a replay in lock-step; only with `report_handled`",
     ),
+    Topic(
+        *("recorded", "std_msgs/Header", "record", "replay"),
+        "each message of `handled` that was written down, for a replay in lock-step; only with `report_recorded`",
+    ),
     Topic("/mild_doctor", "std_msgs/String", "doctor", "doctor", "names, for as long as `mild doctor` looks"),
     Topic("/clock", "rosgraph_msgs/Clock", "replay", "every stage", "the time in the bag, for `use_sim_time`"),
     Topic(
@@ -145,7 +149,7 @@ DELIVERY = {
     "COMMAND": (", ".join(f"`{topic}`" for topic in command_types()), COMMAND),
     "LATCHED": ("`interaction`, `mode`, `stiffness`, `robot_description`", LATCHED),
     "STATIC_TRANSFORMS": ("`/tf_static`", STATIC_TRANSFORMS),
-    "FATE": ("`handled`", FATE),
+    "FATE": ("`handled`, `recorded`", FATE),
     "CLOCK": ("`/clock` where it is taken", CLOCK),
 }
 """How each topic is delivered, by the name in `quality_of_service`."""

@@ -21,6 +21,9 @@ _LITTLE_ENDIAN = b"\x00\x01\x00\x00"
 _TIME = "builtin_interfaces/msg/Time"
 _BYTE_NAMES = ("byte", "char", "octet")
 
+Moved = Callable[[int], int]
+"""What a stamp [ns] becomes."""
+
 
 def type_name_of(message: Any) -> str:
     """The name of a message's type as bags write it, e.g. `sensor_msgs/msg/JointState`."""
@@ -31,16 +34,21 @@ def type_name_of(message: Any) -> str:
     return f"{package}/{kind}/{type(message).__name__}"
 
 
-def encode(message: Any, shift_ns: int = 0, types: Typestore | None = None) -> bytes:
+def encode(message: Any, shift_ns: int = 0, types: Typestore | None = None, at_ns: int | None = None) -> bytes:
     """The CDR bytes of `message`, equal for equal messages.
 
     Args:
         message: Of rclpy or of rosbags.
         shift_ns: Added to every stamp in it; a stamp of zero stays zero, as it stands for none.
         types: That know its type; None for those of ROS 2 Jazzy.
+        at_ns: What every stamp becomes instead; None for those that it has.
     """
     name, types = type_name_of(message), types or jazzy_types()
-    return bytes(types.serialize_cdr(_rebuilt(message, name, shift_ns, types), name))
+
+    def moved_ns(stamp_ns: int) -> int:
+        return stamp_ns + shift_ns if at_ns is None else at_ns
+
+    return bytes(types.serialize_cdr(_rebuilt(message, name, moved_ns if shift_ns or at_ns else None, types), name))
 
 
 def restamped(data: bytes, type_name: str, decode: Callable[[], Any], shift_ns: int, types: Typestore) -> bytes:
@@ -65,22 +73,22 @@ def restamped(data: bytes, type_name: str, decode: Callable[[], Any], shift_ns: 
     return encode(decode(), shift_ns, types)
 
 
-def _rebuilt(message: Any, type_name: str, shift_ns: int, types: Typestore) -> Any:
+def _rebuilt(message: Any, type_name: str, moved_ns: Moved | None, types: Typestore) -> Any:
     """The same message in rosbags' own class."""
     _, fields = types.fielddefs[type_name]
-    values = {name: _value(getattr(message, name), kind, shift_ns, types) for name, kind in fields}
-    if shift_ns and type_name == _TIME and any(values.values()):
-        values["sec"], values["nanosec"] = divmod(values["sec"] * 10**9 + values["nanosec"] + shift_ns, 10**9)
+    values = {name: _value(getattr(message, name), kind, moved_ns, types) for name, kind in fields}
+    if moved_ns is not None and type_name == _TIME and any(values.values()):
+        values["sec"], values["nanosec"] = divmod(moved_ns(values["sec"] * 10**9 + values["nanosec"]), 10**9)
     return types.types[type_name](**values)
 
 
-def _value(value: Any, kind: Any, shift_ns: int, types: Typestore) -> Any:
+def _value(value: Any, kind: Any, moved_ns: Moved | None, types: Typestore) -> Any:
     node, detail = kind
     if node is Nodetype.NAME:
-        return _rebuilt(value, detail, shift_ns, types)
+        return _rebuilt(value, detail, moved_ns, types)
     if node is Nodetype.BASE:
         return value[0] if isinstance(value, bytes) else value
     element, name = detail[0]
     if element is Nodetype.BASE and name[0] != "string":
         return np.asarray(value, dtype="uint8" if name[0] in _BYTE_NAMES else name[0])
-    return [_value(item, detail[0], shift_ns, types) for item in value]
+    return [_value(item, detail[0], moved_ns, types) for item in value]

@@ -21,7 +21,7 @@ from mild_ros.motion_topics import MotionTopics
 from mild_ros.operator_services import OperatorServices
 from mild_ros.parameters import declare
 from mild_ros.quality_of_service import BETWEEN_STAGES, SENSOR
-from mild_ros.reception import JOINTS_KEPT, Reception
+from mild_ros.reception import JOINTS_KEPT, JOINTS_PER_S, Reception
 from mild_ros.running import run
 from mild_ros.settings import InferenceParameters
 from mild_ros.threads import StageNode
@@ -47,13 +47,15 @@ class InferenceNode(StageNode):
         self._reception.subscribe(PointCloud2, "feature_window", self._on_window, BETWEEN_STAGES)
         ours = model.manifest.controlled.joint_names
         self._naming = joint_naming(ours, parameters.robot_joint_names if model.start_pose else ())
-        self._reception.subscribe(JointState, "joint_states", self._on_joint_states, SENSOR, kept=JOINTS_KEPT)
+        self._reception.subscribe(
+            JointState, "joint_states", self._on_joint_states, SENSOR, kept=JOINTS_KEPT, per_s=JOINTS_PER_S
+        )
         self.get_logger().info(f"{parameters.model} knows {', '.join(model.manifest.interactions)}")
 
     def _on_window(self, message: Any) -> None:
         started_ns, now_ns = time.perf_counter_ns(), self._time.now_ns()
         stamp_ns = ns_from_msg(message.header.stamp)
-        self._diagnostics.flowed("feature_window", stamp_ns)
+        self._diagnostics.flowed("feature_window")
         try:
             window = feature_window_from_msg(message, self._joint_names)
         except DataError as error:

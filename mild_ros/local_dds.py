@@ -14,13 +14,11 @@ from pathlib import Path
 
 from mild_ros.share import share_folder
 
-FOREIGN = (
-    *("ROS_DISCOVERY_SERVER", "ROS_SUPER_CLIENT", "ROS_STATIC_PEERS", "ROS_LOCALHOST_ONLY", "CYCLONEDDS_URI"),
-    *("FASTDDS_BUILTIN_TRANSPORTS", "FASTDDS_STATISTICS", "FASTDDS_ENVIRONMENT_FILE"),
-    *("RMW_FASTRTPS_USE_QOS_FROM_XML", "RMW_FASTRTPS_PUBLICATION_MODE"),
-    *("ROS_SECURITY_ENABLE", "ROS_SECURITY_STRATEGY", "ROS_SECURITY_KEYSTORE", "ROS_SECURITY_ENCLAVE_OVERRIDE"),
-)
-"""Variables that lead a process elsewhere, or to other people's settings; own processes run without them."""
+FOREIGN = ("ROS_", "RMW_", "RCL_", "RCUTILS_", "FASTDDS_", "FASTRTPS_", "CYCLONEDDS_", "ZENOH_", "NDDS_")
+"""Variables that begin so lead a process elsewhere, or to other people's settings; own processes run without them."""
+
+KEPT = ("ROS_DISTRO", "ROS_VERSION", "ROS_PYTHON_VERSION", "ROS_DOMAIN_ID", "ROS_HOME", "ROS_LOG_DIR")
+"""But these, which say where things are."""
 
 PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 """As Fast DDS 2 and 3 call it."""
@@ -46,7 +44,7 @@ def local_environment(given: Mapping[str, str], domain: int | None = None) -> di
         given: To start from.
         domain: To talk in; None leaves what is given.
     """
-    kept = {name: value for name, value in given.items() if name not in FOREIGN}
+    kept = {name: value for name, value in given.items() if name in KEPT or not name.startswith(FOREIGN)}
     kept |= dict.fromkeys(PROFILE_VARIABLES, str(profile()))
     # Without the last, Fast DDS also reads a profile of that name in the current folder.
     kept |= {

@@ -7,16 +7,18 @@ Does what `ros2 service call` and `ros2 topic echo` do, for installations withou
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 from mild_core.errors import SetupError
@@ -31,7 +33,7 @@ SETTLE_S = 0.3
 ANSWER_S = 5.0
 """Longest wait for the answer of a service."""
 
-SERVICES: Mapping[str, type[Any]] = {"hold": SetBool, "enable": SetBool, "reset": Trigger}
+SERVICES: Mapping[str, type[Any]] = {"hold": SetBool, "enable": SetBool, "reset": Trigger, "pause": SetBool}
 """Private services (`~/hold`) of our nodes, by their last name."""
 
 LEVELS = {DiagnosticStatus.OK: "ok", DiagnosticStatus.WARN: "warning", DiagnosticStatus.ERROR: "ERROR"}
@@ -87,7 +89,7 @@ class OperatorClient:
             SetupError: No node has such a service, or one does not answer.
         """
         kind = SERVICES[name]
-        services = self._discovered(lambda: self._services(name, namespace))
+        services = self._discovered(lambda: meant(name, namespace, self._node.get_service_names_and_types()))
         if not services:
             where = f" under {namespace}" if namespace else ""
             problem = f"no node with ~/{name}{where} in ROS domain {domain_id()} within {DISCOVERY_S:g} s"
@@ -101,6 +103,22 @@ class OperatorClient:
             raise SetupError(", ".join(silent), problem, "is the node alive? see ./mild status")
         found = {service: future.result() for service, future in futures.items()}
         return [Answer(service, bool(one.success), str(one.message)) for service, one in found.items()]
+
+    def say(self, topic: str, text: str) -> int:
+        """Publish a text once, to all who listen; returns how many.
+
+        Raises:
+            SetupError: Nobody does.
+        """
+        publisher = self._node.create_publisher(String, topic, 10)
+        self._until(lambda: publisher.get_subscription_count() > 0, DISCOVERY_S)
+        if not publisher.get_subscription_count():
+            problem = f"nobody listens in ROS domain {domain_id()} within {DISCOVERY_S:g} s"
+            raise SetupError(topic, problem, "start ./mild record first; same ROS_DOMAIN_ID? see ./mild doctor")
+        self._until(lambda: False, SETTLE_S)
+        publisher.publish(String(data=text))
+        publisher.wait_for_all_acked(Duration(seconds=ANSWER_S))
+        return int(publisher.get_subscription_count())
 
     def statuses(self, patience_s: float = DISCOVERY_S) -> list[NodeStatus]:
         """What the nodes of ours in this domain report, by name; nodes report once a second."""
@@ -117,15 +135,6 @@ class OperatorClient:
         self._node.destroy_subscription(subscription)
         return [found[name] for name in sorted(found)]
 
-    def _services(self, name: str, namespace: str) -> list[str]:
-        wanted = f"std_srvs/srv/{SERVICES[name].__name__}"
-        prefix = f"/{namespace.strip('/')}/" if namespace.strip("/") else "/"
-        return sorted(
-            service
-            for service, types in self._node.get_service_names_and_types()
-            if service.endswith(f"/{name}") and service.startswith(prefix) and wanted in types
-        )
-
     def _discovered(self, look: Callable[[], list[str]]) -> list[str]:
         self._until(lambda: bool(look()), DISCOVERY_S)
         if look():
@@ -137,6 +146,17 @@ class OperatorClient:
         deadline_s = time.monotonic() + patience_s
         while not happened() and time.monotonic() < deadline_s:
             self._executor.spin_once(timeout_sec=0.02)
+
+
+def meant(name: str, namespace: str, found: Iterable[tuple[str, Sequence[str]]]) -> list[str]:
+    """Of all services found, with their types, those that a call of `~/name` under a namespace means."""
+    wanted = f"std_srvs/srv/{SERVICES[name].__name__}"
+    prefix = f"/{namespace.strip('/')}/" if namespace.strip("/") else "/"
+    return sorted(
+        service
+        for service, types in found
+        if service.endswith(f"/{name}") and service.startswith(prefix) and wanted in types
+    )
 
 
 @contextmanager

@@ -23,6 +23,9 @@ from mild_ros.settings import PerceptionParameters
 from mild_ros.threads import StageNode
 from mild_ros.tracker import Sighting, Tracker
 
+UNMEASURED = "no contact: robot_from_camera is empty; set it, or allow_unmeasured_contact of retargeting"
+"""Said at the start: retargeting learns it from the first person."""
+
 
 class PerceptionNode(StageNode):
     """The perception stage and its topics."""
@@ -44,6 +47,8 @@ class PerceptionNode(StageNode):
         self._operator = OperatorServices(self, self._diagnostics, self._reset)
         tracker.listen(self, self._reception, self._time, self._diagnostics, self._fates, self._on_sight)
         self.get_logger().info(f"watching the {parameters.side} arm for {parameters.model}")
+        if not parameters.robot_from_camera:
+            self.get_logger().warning(UNMEASURED)
 
     def _on_sight(self, sight: Sighting) -> None:
         if not self._operator.enabled:

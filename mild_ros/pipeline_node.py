@@ -11,6 +11,7 @@ from sensor_msgs.msg import JointState
 from mild_core.errors import DataError
 from mild_core.pipeline import PipelineInput, PipelineOutput, inputs_of_retargeting
 from mild_core.retargeting.stage import Request
+from mild_ros.assembly.arguments import check_parameters
 from mild_ros.assembly.inference import load
 from mild_ros.assembly.pipeline import make_pipeline
 from mild_ros.calibration_file import CalibrationFile
@@ -21,7 +22,7 @@ from mild_ros.messages.stamps import ns_from_msg
 from mild_ros.motion_topics import InsideTopics, MotionTopics
 from mild_ros.parameters import declare
 from mild_ros.quality_of_service import SENSOR
-from mild_ros.reception import JOINTS_KEPT, Reception
+from mild_ros.reception import JOINTS_KEPT, JOINTS_PER_S, Reception
 from mild_ros.running import run
 from mild_ros.settings import PipelineParameters
 from mild_ros.threads import StageNode
@@ -34,6 +35,7 @@ class PipelineNode(StageNode):
     def __init__(self) -> None:
         super().__init__("pipeline")
         parameters = declare(self, PipelineParameters)
+        check_parameters(parameters)
         tracker = Tracker(parameters, "pipeline")
         model = load(parameters.model)
         self._pipeline = make_pipeline(parameters, model)
@@ -49,7 +51,9 @@ class PipelineNode(StageNode):
         topics = MotionTopics(self, model.manifest, self._diagnostics)
         self._inside = InsideTopics(self, topics, parameters.publish_intermediate)
         tracker.listen(self, self._reception, self._time, self._diagnostics, self._fates, self._on_sight)
-        self._reception.subscribe(JointState, "joint_states", self._on_joint_states, SENSOR, kept=JOINTS_KEPT)
+        self._reception.subscribe(
+            JointState, "joint_states", self._on_joint_states, SENSOR, kept=JOINTS_KEPT, per_s=JOINTS_PER_S
+        )
         self.get_logger().info(f"{parameters.source} to {parameters.robot} through {parameters.model}")
 
     def _on_sight(self, sight: Sighting) -> None:

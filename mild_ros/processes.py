@@ -4,16 +4,16 @@
 from __future__ import annotations
 
 import ctypes
-import fcntl
 import os
 import random
+import re
 import signal
+import socket
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType, TracebackType
 
@@ -23,8 +23,12 @@ from mild_ros.local_dds import local_environment
 DOMAINS = range(1, 102)
 """Above it the ports of a domain reach into those that Linux hands out to anybody (32768 and up)."""
 
-DOMAIN_LOCK = "mild_ros-domain-{}.lock"
-"""Of whoever has a domain, in the folder for temporary files: runs and test sessions keep out of each other's way."""
+DOMAIN_LOCK = "\0mild_ros-domain-{}"
+"""Abstract name of the socket of whoever has a domain: runs and test sessions keep out of each other's way.
+
+It is no file, so it belongs to no user, needs no permission and ends with its process; and it is seen exactly where a
+domain's ports are, in one network namespace. Source: unix(7).
+"""
 
 FIRST_PORT, PORTS_PER_DOMAIN = 7400, 250
 """Source: DDSI-RTPS 2.3, 9.6.1.1: the ports of a domain."""
@@ -38,6 +42,13 @@ PYTHON = (sys.executable, "-P")
 _DIE_WITH_PARENT = 1
 """PR_SET_PDEATHSIG of prctl(2)."""
 
+_PRCTL = ctypes.CDLL(None).prctl
+
+
+def end_with_parent() -> None:
+    """Called in a child between fork and exec: when its parent is killed outright, it is killed too."""
+    _PRCTL(_DIE_WITH_PARENT, signal.SIGKILL)
+
 
 @contextmanager
 def private_domain() -> Iterator[int]:
@@ -46,20 +57,45 @@ def private_domain() -> Iterator[int]:
     Raises:
         SetupError: All are taken.
     """
-    busy = _domains_in_use()
-    for domain in random.sample([domain for domain in DOMAINS if domain not in busy], k=len(DOMAINS) - len(busy)):
-        lock = os.open(Path(tempfile.gettempdir(), DOMAIN_LOCK.format(domain)), os.O_CREAT | os.O_RDWR, 0o666)
+    domain, lock = hold_domain()
+    with lock:
+        yield domain
+
+
+def hold_domain() -> tuple[int, socket.socket]:
+    """A ROS 2 domain that nothing on this machine uses, of whichever user; it is reserved until the socket is closed.
+
+    Raises:
+        SetupError: All are taken.
+    """
+    owners = shared_memory_owners()
+    strange = {domain for domain, users in owners.items() if users - {os.getuid()}}
+    free = list(set(DOMAINS) - _domains_in_use())
+    random.shuffle(free)
+    # What a killed process left in shared memory may be locked for ever, and another user's cannot be opened.
+    for domain in sorted(free, key=lambda one: (one in strange, one in owners)):
+        lock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            lock.bind(DOMAIN_LOCK.format(domain))
         except OSError:
-            os.close(lock)
-            continue
-        try:
-            yield domain
-        finally:
-            os.close(lock)
-        return
+            lock.close()
+        else:
+            return domain, lock
     raise SetupError("ROS_DOMAIN_ID", f"all domains from 1 to {DOMAINS[-1]} are in use", "end some ROS 2 programs")
+
+
+def shared_memory_owners() -> dict[int, set[int]]:
+    """Who has, or has left, the shared memory of each domain's ports: numbers of users by domain.
+
+    Nobody opens another user's, so where there is some, messages of shared memory get lost.
+    """
+    found: dict[int, set[int]] = {}
+    for path in Path("/dev/shm").glob("fastrtps_port*"):
+        number = re.match(r"fastrtps_port(\d+)", path.name)
+        with suppress(OSError):
+            if number:
+                found.setdefault((int(number[1]) - FIRST_PORT) // PORTS_PER_DOMAIN, set()).add(path.stat().st_uid)
+    return found
 
 
 def _domains_in_use() -> set[int]:
@@ -91,7 +127,6 @@ class Nodes:
         self._running: dict[str, subprocess.Popen[bytes]] = {}
         own = {"ROS_LOG_DIR": str(log_folder), "PYTHONUNBUFFERED": "1", "PYTHONSAFEPATH": "1"}
         self._environment = local_environment(os.environ, domain) | own
-        self._prctl = ctypes.CDLL(None).prctl
 
     def __enter__(self) -> Nodes:
         self._before = signal.signal(signal.SIGTERM, _interrupt)
@@ -115,7 +150,7 @@ class Nodes:
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,  # control-C reaches this process, which then ends them in order
-                preexec_fn=self._end_with_parent,
+                preexec_fn=end_with_parent,
             )
 
     def has_ended(self, name: str) -> bool:
@@ -171,9 +206,6 @@ class Nodes:
         lines = [line.strip() for line in self._log(name).read_text(errors="replace").splitlines() if line.strip()]
         said = lines[-1].removeprefix(f"mild_ros {name}: ") if lines else "said nothing"
         return f"ended with code {code}: {said}"
-
-    def _end_with_parent(self) -> None:
-        self._prctl(_DIE_WITH_PARENT, signal.SIGKILL)
 
 
 def _interrupt(_number: int, _frame: FrameType | None) -> None:

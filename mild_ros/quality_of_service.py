@@ -50,11 +50,11 @@ def is_latched(offers: Sequence[TopicEndpointInfo]) -> bool:
     return bool(offers) and all(o.qos_profile.durability is DurabilityPolicy.TRANSIENT_LOCAL for o in offers)
 
 
-def strictest(offers: Sequence[TopicEndpointInfo], depth: int) -> QoSProfile:
-    """The strictest that every publisher of a topic meets."""
-    reliable = all(offer.qos_profile.reliability is ReliabilityPolicy.RELIABLE for offer in offers)
+def as_offered(offer: TopicEndpointInfo, depth: int) -> QoSProfile:
+    """The strictest that this publisher of a topic meets."""
+    reliable = offer.qos_profile.reliability is ReliabilityPolicy.RELIABLE
     return _keep_last(
         depth,
         ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
-        DurabilityPolicy.TRANSIENT_LOCAL if is_latched(offers) else DurabilityPolicy.VOLATILE,
+        DurabilityPolicy.TRANSIENT_LOCAL if is_latched([offer]) else DurabilityPolicy.VOLATILE,
     )

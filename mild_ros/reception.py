@@ -3,8 +3,8 @@
 
 A thread waits for messages, takes all that are there, keeps the newest few of each topic and hands those on in the
 order in which they came. Only those are deserialised. Memory stays bounded: what waits lies in DDS, which keeps the
-newest `depth` of a topic. When messages had to be dropped, the thread sleeps twice as long as it has worked, so a flood
-takes about a third of a core. In lock-step all of this is the executor's, one message after the other.
+newest `depth` of a topic. Time stays bounded too: of each topic so many are used per second, whatever comes, and the
+thread sleeps while it is flooded. In lock-step all of this is the executor's, one message after the other.
 """
 
 from __future__ import annotations
@@ -30,22 +30,37 @@ KEPT = 8
 JOINTS_KEPT = 16
 """The same of `joint_states`: a driver may say each joint in a message of its own."""
 
+PER_S, JOINTS_PER_S, PARTS_PER_S = 250.0, 1000.0, 4000.0
+"""Messages of a topic, of `joint_states`, and of a topic of many transforms, that are used per second at most: as many
+as the fastest trackers (200 Hz) and drivers (1 kHz) send."""
+
 NOTICE_NS = 100_000_000
 """A thread that has nothing to do notices the end of the node within this time."""
-
-PAUSE_SHARE = 2.0
-"""After messages had to be dropped reception sleeps twice as long as it has worked: control needs the lock too."""
 
 FAILED_PAUSE_S = 0.01
 """A fault of ours in reception costs what had come; the next attempt follows after this time."""
 
-LEAST_PAUSE_S, LONGEST_PAUSE_S = 0.001, 0.005
-"""Bounds of the sleep after messages had to be dropped: a flood never adds more than this to the age of a message."""
+FLOOD_PAUSE_S = 0.005
+"""Reception sleeps for so long when more has come than is used: control needs the lock too. It is all that a flood adds
+to the age of a message."""
 
 
 @dataclass(eq=False)
 class _Input:
-    """One subscription: what to do with its messages, and how many of those that came at once to use."""
+    """One subscription.
+
+    Attributes:
+        topic: Its name in diagnostics.
+        kind: Of its messages.
+        raw: Whether the callback takes bytes.
+        subscription: Itself, and the callback.
+        depth: How many messages DDS keeps.
+        newest: When those came that are handed on next, and what they are.
+        per_s: How many are used per second at most.
+        allowance: How many may be used now: it grows with time, up to the places in `newest`.
+        looked_s: When that was reckoned, on the steady clock.
+        sequence: The publisher's number of the newest message; None while that says nothing of losses.
+    """
 
     topic: str
     kind: type[Any]
@@ -53,6 +68,24 @@ class _Input:
     subscription: Subscription
     depth: int
     newest: deque[tuple[int, bytes]]
+    per_s: float
+    allowance: float
+    looked_s: float = 0.0
+    sequence: int | None = None
+
+    def allowed(self, now_s: float) -> int:
+        """How many messages may be used now; the newest one always may."""
+        grown = self.allowance + (now_s - self.looked_s) * self.per_s
+        self.allowance, self.looked_s = min(grown, float(self.newest.maxlen or 1)), now_s
+        return max(1, int(self.allowance))
+
+    def lost(self, taken: int, sequence: int) -> int:
+        """How many messages never came, or had to make room in DDS, before the newest of those taken.
+
+        The publisher numbers them; of several publishers nothing can be told.
+        """
+        before, self.sequence = self.sequence, sequence if self.subscription.get_publisher_count() == 1 else None
+        return max(0, sequence - before - taken) if before is not None and self.sequence is not None else 0
 
 
 class Reception:
@@ -60,7 +93,7 @@ class Reception:
 
     Args:
         node: Whose.
-        diagnostics: Where dropped and undecodable messages are counted.
+        diagnostics: Where lost, dropped and undecodable messages are counted.
 
     Attributes:
         lock: Held while a callback runs: whoever changes the same state from another thread takes it.
@@ -82,6 +115,7 @@ class Reception:
         *,
         raw: bool = False,
         kept: int = KEPT,
+        per_s: float = PER_S,
     ) -> None:
         """Hand messages to a callback.
 
@@ -93,13 +127,14 @@ class Reception:
             raw: Whether the callback takes bytes.
             kept: How many are used of those that came at once. Where one message says only a part (one joint, one
                 transform), all parts that come together must find a place.
+            per_s: How many are used per second at most.
         """
         if self._in_order:
             self._node.create_subscription(kind, topic, callback, quality, raw=raw)
             return
         subscription = self._node.create_subscription(kind, topic, callback, quality, raw=True)
         self._node.take_over(subscription)
-        self._inputs.append(_Input(topic, kind, raw, subscription, quality.depth, deque(maxlen=kept)))
+        self._inputs.append(_Input(topic, kind, raw, subscription, quality.depth, deque(maxlen=kept), per_s, kept))
 
     def _run(self) -> None:
         count = len(self._inputs)
@@ -123,31 +158,30 @@ class Reception:
         ready = set(waiting.get_ready_entities("subscription"))
         if not ready:
             return 0.0
-        started_s = time.monotonic()
-        dropped = 0
-        for entry in self._inputs:
-            if entry.subscription.handle.pointer in ready:
-                dropped += self._take(entry)
+        flooded = [self._take(entry) for entry in self._inputs if entry.subscription.handle.pointer in ready]
         self._hand_on()
-        if not dropped:
-            return 0.0
-        worked_s = time.monotonic() - started_s
-        return min(max(PAUSE_SHARE * worked_s, LEAST_PAUSE_S), LONGEST_PAUSE_S)
+        return FLOOD_PAUSE_S if any(flooded) else 0.0
 
-    def _take(self, entry: _Input) -> int:
-        """Take what is there of a topic; how many messages there are no place for."""
-        taken, handle = 0, entry.subscription.handle
+    def _take(self, entry: _Input) -> bool:
+        """Take what is there of a topic, and keep what may be used; whether more comes than that."""
+        taken, handle, sequence = 0, entry.subscription.handle, 0
         while taken < entry.depth:
             found = handle.take_message(entry.kind, True)
             if found is None:
                 break
             data, facts = found
             entry.newest.append((facts["received_timestamp"], data))
-            taken += 1
-        dropped = taken - len(entry.newest)
-        if dropped:
-            self._diagnostics.superseded(entry.topic, dropped)
-        return dropped
+            taken, sequence = taken + 1, facts["publication_sequence_number"]
+        if not taken:
+            return False
+        if lost := entry.lost(taken, sequence):
+            self._diagnostics.lost(entry.topic, lost)
+        while len(entry.newest) > entry.allowed(time.monotonic()):
+            entry.newest.popleft()
+        entry.allowance = max(0.0, entry.allowance - len(entry.newest))
+        if taken > len(entry.newest):
+            self._diagnostics.superseded(entry.topic, taken - len(entry.newest))
+        return taken > len(entry.newest) or entry.allowance < 1.0
 
     def _hand_on(self) -> None:
         """Hand on what was kept, in the order in which it came."""

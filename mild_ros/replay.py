@@ -12,7 +12,8 @@ import hashlib
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from mild_core.errors import BagError, DataError, SetupError
@@ -21,13 +22,14 @@ from mild_core.pipeline import Pipeline, PipelineInput, PipelineOutput, Pipeline
 from mild_core.retargeting.robot import RobotModel
 from mild_core.signals import JointMeasurement
 from mild_ros.bag_budgets import OverBudgetError, TimeBudget
+from mild_ros.bag_clock import Clock, tracker_clock
 from mild_ros.bag_people import skeleton_feeds
 from mild_ros.bag_writer import BagWriter, create_bag
 from mild_ros.bags import BagReader, RawMessage, open_bag, topic_of_type
 from mild_ros.command_topics import JOINT_COMMAND, commands_a_robot, may_command_a_robot
 from mild_ros.controller_messages import ControllerMessages
 from mild_ros.controllers import OUTPUTS
-from mild_ros.encoding import encode, type_name_of
+from mild_ros.encoding import encode, restamped, type_name_of
 from mild_ros.foreign_joints import foreign_joints
 from mild_ros.joint_naming import JointNaming, joint_naming
 from mild_ros.messages.feeds import Feed
@@ -37,8 +39,10 @@ from mild_ros.messages.person import person_to_msg
 from mild_ros.replay_events import JOINT_STATES, SKELETON, TAKEN, TRUE_MOTION, Event, with_ticks
 
 JOINT_STATE_TYPE = "sensor_msgs/msg/JointState"
+STATIC_TRANSFORMS = "tf_static"
+"""The topic on which several publishers latch what holds for ever: each of their messages counts."""
 
-NEVER_WITH_ALL = ("clock", "handled", JOINT_STATES)
+NEVER_WITH_ALL = ("clock", "handled", "recorded", JOINT_STATES)
 """`all` leaves out what a replay sends itself, and what may be a command. What is one is never sent."""
 
 
@@ -66,17 +70,28 @@ class Inputs:
     also: tuple[str, ...] = ()
     joint_names: tuple[str, ...] = ()
 
-    def messages(self, bag: BagReader) -> Iterator[Event]:
+    def messages(self, bag: BagReader, clock: Clock | None = None) -> Iterator[Event]:
         """The bag's messages that the pipeline takes, in order of time.
+
+        What was latched before the beginning comes first: whoever subscribes later gets it live too.
+
+        Args:
+            bag: The bag.
+            clock: The tracker's; None judges it.
 
         Raises:
             BagError: The bag has no such topic, or is broken.
         """
         wanted, feeds = self.topics(bag), self.feeds(bag)
+        clock = clock or self.clock(bag)
         at_home = self.joint_states == "home" or (self.joint_states == "auto" and JOINT_STATES not in wanted.values())
         start_ns = self._start_ns(bag)
         budget = TimeBudget()
-        for raw in bag.messages(wanted, start_ns):
+        for raw in self._latched(bag, wanted, start_ns):
+            topic = feeds[raw.topic].topic if raw.topic in feeds else ""
+            yield Event(start_ns or raw.time_ns, wanted[raw.topic], raw, topic)
+        for given in bag.messages(wanted, start_ns):
+            raw = _on_the_recorders_clock(given, bag, clock) if given.topic in feeds else given
             try:
                 budget.reach(raw.time_ns)
             except OverBudgetError as error:
@@ -93,10 +108,10 @@ class Inputs:
         Raises:
             BagError: As `messages`.
         """
-        more = True
+        more, clock = True, self.clock(bag)
         while more:
             more = False  # a bag without messages is not read for ever
-            for event in self.messages(bag):
+            for event in self.messages(bag, clock):
                 more = forever
                 yield event
 
@@ -141,6 +156,31 @@ class Inputs:
             raise SetupError("skeleton_topic", f"{self.source.name} has several", "leave it out; see joint_places")
         return feeds
 
+    def clock(self, bag: BagReader) -> Clock:
+        """How the tracker's stamps become times of the recorder's clock.
+
+        Raises:
+            BagError: The bag has no such topic, or breaks off.
+        """
+        return tracker_clock(bag, self.source, self.skeleton_topic)
+
+    def _latched(self, bag: BagReader, wanted: Mapping[str, str], start_ns: int | None) -> Iterator[RawMessage]:
+        """What was latched before the beginning: of each topic the last message, of static transforms all.
+
+        Where the robot was counts as latched: a robot that stands still may say so once.
+        """
+        static = {topic for topic in wanted if topic.rsplit("/", 1)[-1] == STATIC_TRANSFORMS}
+        latched = static | {
+            topic for topic, given in wanted.items() if bag.topics[topic].latched or given == JOINT_STATES
+        }
+        newest: dict[str, RawMessage] = {}
+        for raw in bag.messages(latched, stop_ns=start_ns) if start_ns is not None and latched else ():
+            if raw.topic in static:
+                yield raw
+            else:
+                newest[raw.topic] = raw
+        yield from newest.values()
+
     def _others(self, bag: BagReader) -> list[str]:
         if self.also == ("all",):
             apart = {f"/{name}" for name in NEVER_WITH_ALL} | {
@@ -163,6 +203,19 @@ class Inputs:
     def _at_home(self, time_ns: int) -> RawMessage:
         message = joint_measurement_to_msg(JointMeasurement(time_ns, self.robot.joint_names, self.robot.home_rad))
         return RawMessage("/joint_states", JOINT_STATE_TYPE, time_ns, encode(message))
+
+
+def _on_the_recorders_clock(raw: RawMessage, bag: BagReader, clock: Clock) -> RawMessage:
+    """A tracker's message with the stamps that it would have if the tracker had the recorder's clock."""
+    if clock.shift_ns == 0:
+        return raw
+    try:
+        if clock.shift_ns is None:
+            return replace(raw, data=encode(bag.decode(raw), types=bag.types, at_ns=raw.time_ns))
+        shift_ns, decode = clock.shift_ns, partial(bag.decode, raw)
+        return replace(raw, data=restamped(raw.data, raw.type_name, decode, shift_ns, bag.types))
+    except DataError:
+        return raw  # is counted where it is read
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,7 +312,7 @@ def replay_in_process(
         written = stack.enter_context(create_bag(output_path, types=bag.types)) if output_path else None
         unknown = _unknown_types(controllers, bag) if controllers else {}
         left_out = (f"{topic} is not written: the type {name} is not installed here" for topic, name in unknown.items())
-        note = "; ".join(each for each in (inputs.note(bag), *left_out) if each)
+        note = "; ".join(each for each in (inputs.note(bag), inputs.clock(bag).note, *left_out) if each)
         for step in fold(bag, pipeline, inputs, rate_hz):
             first_ns, last_ns, state = first_ns or step.event.time_ns, step.event.time_ns, step.state
             if step.unreadable:

@@ -44,7 +44,7 @@ class ReplayNode(GuardedNode):
         )
         self._bags = ExitStack()
         self._bag = self._bags.enter_context(open_bag(Path(given.bag).expanduser(), salvage=given.salvage))
-        for odd in filter(None, (self._bag.lost, inputs.note(self._bag))):
+        for odd in filter(None, (self._bag.lost, inputs.note(self._bag), inputs.clock(self._bag).note)):
             self.get_logger().warning(f"{given.bag}: {odd}")
         ticking = self._in_lock_step or given.clock
         self._topics = ReplayTopics(self, self._bag, inputs, ticking)
@@ -52,13 +52,17 @@ class ReplayNode(GuardedNode):
         events = with_ticks(events, given.control_rate_hz) if ticking else events
         self._sender: LockStep | RealTime
         if self._in_lock_step:
-            self._sender = LockStep(events, self._topics.send, self._topics.tick, given.patience_s, given.reporters)
+            self._sender = LockStep(
+                events, self._topics.send, self._topics.tick, given.patience_s, given.reporters, given.recorders
+            )
         else:
             restamped = self._bag if given.restamp and not given.clock else None
             self._sender = RealTime(events, self._topics.send, self._topics.tick, given.rate, restamped)
         fates = self.create_subscription(Header, "handled", self._on_handled, FATE)
         wanted = [(self._topics.listeners, given.subscribers)]
-        wanted += [(fates.get_publisher_count, given.reporters)] if self._in_lock_step else []
+        recorded = self.create_subscription(Header, "recorded", self._on_recorded, FATE)
+        if self._in_lock_step:
+            wanted += [(fates.get_publisher_count, given.reporters), (recorded.get_publisher_count, given.recorders)]
         self._audience = Audience(self.resolve_topic_name("skeleton"), wanted, given.patience_s)
         self._paused, self._begun, self._held = given.paused, False, False
         self.create_service(SetBool, "~/pause", self._on_pause)
@@ -81,6 +85,10 @@ class ReplayNode(GuardedNode):
 
     def _on_handled(self, message: Any) -> None:
         if self._sender.is_done_after(handled_from_msg(message)):
+            self._advance()
+
+    def _on_recorded(self, message: Any) -> None:
+        if self._sender.is_done_once_recorded(handled_from_msg(message)):
             self._advance()
 
     def _on_pause(self, wish: Any, answer: Any) -> Any:

@@ -50,7 +50,8 @@ class ReplayTopics:
                 unknown[name] = summary.count
                 node.get_logger().warning(f"{name} is not sent: the type {summary.type_name} is not installed here")
                 continue
-            self._publishers[name] = node.create_publisher(kind, name, BETWEEN_STAGES)
+            latched = name in bag.topics and bag.topics[name].latched
+            self._publishers[name] = node.create_publisher(kind, name, STATIC_TRANSFORMS if latched else BETWEEN_STAGES)
         told = f"; {sum(unknown.values())} messages of types that are not installed here left out"
         self.left_out = f"{told} ({', '.join(sorted(unknown))})" if unknown else ""
         self._clock = node.create_publisher(Clock, "/clock", BETWEEN_STAGES) if clock else None

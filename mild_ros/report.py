@@ -52,7 +52,9 @@ class Report:
             worst second's 99th percentile, and the greatest; None when it said nothing.
         rates_hz: Messages per second by topic.
         fates: How tracker messages ended, by reason.
-        lost: Tracker messages that were sent but that the stages never saw; None when they did not tell.
+        lost: Tracker messages that were recorded but that the stages never saw; None when they did not tell.
+        unrecorded: Tracker messages that the stages saw and the recorder did not.
+        commands: How many were sent.
         limits: None without commands.
         error_deg: Root mean square of commanded less true joints; None where the truth is unknown.
         predicted_error_deg: The same of predicted joints.
@@ -69,6 +71,8 @@ class Report:
     error_deg: float | None
     predicted_error_deg: float | None
     jumps: int = 0
+    unrecorded: int = 0
+    commands: int = 0
 
 
 def make_report(run: RecordedRun, robot: RobotModel) -> Report:
@@ -82,10 +86,12 @@ def make_report(run: RecordedRun, robot: RobotModel) -> Report:
         sent_ages_ms=_told_ages(run),
         rates_hz=_rates(run),
         fates=dict(Counter(fate.outcome for fate in seen)),
-        lost=len(run.tracker_arrived_ns) - len(seen) if seen else None,
+        lost=max(len(run.tracker_arrived_ns) - len(seen), 0) if seen else None,
+        unrecorded=max(len(seen) - len(run.tracker_arrived_ns), 0),
         limits=None if commands is None or len(commands.stamps_ns) < 3 else used_limits(commands, robot),
         error_deg=_error(run, robot, predicted=False),
         predicted_error_deg=_error(run, robot, predicted=True),
+        commands=0 if commands is None else len(commands.stamps_ns),
         jumps=0 if commands is None else int((np.diff(commands.stamps_ns) <= 0).sum()),
     )
 

@@ -22,7 +22,7 @@ from mild_ros.messages.stamps import ns_from_msg
 from mild_ros.pairing import StampPairs
 from mild_ros.parameters import declare
 from mild_ros.quality_of_service import BETWEEN_STAGES, SENSOR
-from mild_ros.reception import JOINTS_KEPT, Reception
+from mild_ros.reception import JOINTS_KEPT, JOINTS_PER_S, Reception
 from mild_ros.running import run
 from mild_ros.settings import RetargetingParameters
 from mild_ros.threads import StageNode
@@ -45,15 +45,13 @@ class RetargetingNode(StageNode):
         reception.subscribe(PointCloud2, "person", partial(self._on, "person", person_from_msg), BETWEEN_STAGES)
         reception.subscribe(motion_type(manifest.controlled.kind), "motion", pairs.left, BETWEEN_STAGES)
         reception.subscribe(PointCloud2, "motion_state", pairs.right, BETWEEN_STAGES)
-        measured = self._control.commanding.measured
-        reception.subscribe(
-            JointState, "joint_states", partial(self._on, "joint_states", measured), SENSOR, kept=JOINTS_KEPT
-        )
+        joints = partial(self._on, "joint_states", self._control.commanding.measured)
+        reception.subscribe(JointState, "joint_states", joints, SENSOR, kept=JOINTS_KEPT, per_s=JOINTS_PER_S)
         self.get_logger().info(f"commands {parameters.robot} at {parameters.control_rate_hz:g} Hz")
 
     def _on_motion(self, trajectory: Any, state: Any) -> None:
         now_ns, stamp_ns = self._time.now_ns(), ns_from_msg(trajectory.header.stamp)
-        self._diagnostics.flowed("motion", stamp_ns)
+        self._diagnostics.flowed("motion")
         try:
             motion = motion_from_msgs(trajectory, state)
         except DataError as error:

@@ -2,7 +2,7 @@
 """What can be saved of a broken bag: every whole message of its storage files, written again as one good file.
 
 `salvage_mcap.py` and `salvage_sqlite.py` find the messages; here they are brought together, and counted against what
-the metadata announces.
+the metadata announces. Good files that rosbags does not know are written again in the same way.
 """
 
 from __future__ import annotations
@@ -15,8 +15,7 @@ from pathlib import Path
 
 from rosbags.interfaces import Connection
 from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
-from rosbags.typesys.store import Typestore
+from rosbags.rosbag2.storage_mcap import McapReader
 
 from mild_core.errors import BagError
 from mild_ros.bag_budgets import (
@@ -24,11 +23,10 @@ from mild_ros.bag_budgets import (
     OverBudgetError,
     check_scratch,
     is_storage,
-    types_from_idl,
-    types_from_msg,
 )
-from mild_ros.salvage_found import Found, Loss, unpacked
-from mild_ros.salvage_mcap import mcap_messages
+from mild_ros.bag_types import Convert, Layouts, current_name
+from mild_ros.salvage_found import ROS1_ENCODING, Found, Loss, unpacked
+from mild_ros.salvage_mcap import is_whole, mcap_messages, tells_enough
 from mild_ros.salvage_sqlite import sqlite_messages
 
 _PACKED = (".zstd", ".zst")
@@ -44,36 +42,82 @@ class Salvaged:
         path: An mcap file with all of it.
         saved: How many messages.
         lost: What was not, in a few words; "" when nothing is known to be missing.
+        is_whole: Whether all messages of ROS were saved.
     """
 
     path: Path
     saved: int
     lost: str
+    is_whole: bool
 
 
-def salvage(path: Path, scratch: Path, types: Typestore) -> Salvaged:
+def salvage(path: Path, scratch: Path) -> Salvaged:
     """Write what is readable of a bag again.
 
     Args:
         path: The bag's folder or one storage file.
         scratch: An empty folder for it.
-        types: Known when the bag does not define its own.
 
     Raises:
         BagError: There is nothing to read.
     """
-    files = sorted(file for file in path.iterdir() if is_storage(file)) if path.is_dir() else [path]
+    files = _storages(path)
     loss = Loss()
     with Writer(scratch / "salvaged", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        written = _Rewriting(writer, types, sum(file.stat().st_size for file in files))
+        written = _Rewriting(writer, sum(file.stat().st_size for file in files))
         for file in files:
             for found in _messages(file, scratch, loss):
                 written.add(found, loss)
         if not written.saved:
             raise BagError(str(path), "holds no readable message", "record it again")
     announced = _announced(path / "metadata.yaml") if path.is_dir() else None
-    lost = _told(loss, written.saved, announced)
-    return Salvaged(scratch / "salvaged" / "salvaged.mcap", written.saved, lost)
+    foreign = sum(loss.foreign.values())
+    lost = _told(loss, written.saved + foreign, announced)
+    whole = not lost
+    if foreign:
+        encodings = ", ".join(f"{count} in {name}" for name, count in loss.foreign.items())
+        lost = "; ".join(filter(None, (lost, f"left out, as they are no messages of ROS: {encodings}")))
+    return Salvaged(scratch / "salvaged" / "salvaged.mcap", written.saved, lost, whole)
+
+
+def rewritten(path: Path, scratch: Path) -> Salvaged | None:
+    """A good bag of mcap files that rosbags cannot read as they are: of ROS 1, or that say little of themselves.
+
+    Args:
+        path: The bag's folder or file.
+        scratch: An empty folder for what is written.
+
+    Returns:
+        All its messages; None when it is broken, or when its files are not the reason why it cannot be read.
+    """
+    files = _storages(path)
+    if not files or not all(file.suffix == ".mcap" and is_whole(file) for file in files):
+        return None
+    if not any(_needs_rewriting(file) for file in files):
+        return None
+    try:
+        saved = salvage(path, scratch)
+    except BagError:
+        return None
+    return saved if saved.is_whole else None
+
+
+def _needs_rewriting(file: Path) -> bool:
+    reader = McapReader(file)
+    try:
+        reader.open()
+    except OverBudgetError:
+        raise
+    except Exception:  # what it throws on what it does not know
+        return True
+    try:
+        return not tells_enough(reader)
+    finally:
+        reader.close()
+
+
+def _storages(path: Path) -> list[Path]:
+    return sorted(file for file in path.iterdir() if is_storage(file)) if path.is_dir() else [path]
 
 
 def _messages(file: Path, scratch: Path, loss: Loss) -> Iterator[Found]:
@@ -105,53 +149,43 @@ def _told(loss: Loss, saved: int, announced: int | None) -> str:
 class _Rewriting:
     """Messages of any origin into one new file."""
 
-    def __init__(self, writer: Writer, types: Typestore, bag_bytes: int) -> None:
+    def __init__(self, writer: Writer, bag_bytes: int) -> None:
         self.saved = self._written = self._checked = 0
         self._bag_bytes, self._scratch = bag_bytes, writer.path.parent
         self._writer = writer
-        self._connections: dict[tuple[str, str], Connection | None] = {}
-        self._known = types
+        self._connections: dict[tuple[str, str, str, str], tuple[Connection, Convert] | None] = {}
+        self._written_to: dict[tuple[str, str], Connection] = {}
+        self._layouts = Layouts()
 
     def add(self, found: Found, loss: Loss) -> None:
         """Write a message; one of a type that nobody knows is lost."""
-        key = found.topic, found.type_name
+        key = found.topic, found.type_name, found.definition, found.encoding
         if key not in self._connections:
             self._connections[key] = self._connection(found)
-        connection = self._connections[key]
-        if connection is None:
+        target = self._connections[key]
+        if target is None:
             loss.messages += 1
             return
-        self._written += len(found.data)
+        connection, convert = target
+        data = convert(found.data)
+        self._written += len(data)
         if self._written >= self._checked + CHECK_BYTES:
             self._checked = self._written
             check_scratch(self._scratch, self._written, self._bag_bytes)
-        self._writer.write(connection, found.time_ns, found.data)
+        self._writer.write(connection, found.time_ns, data)
         self.saved += 1
 
-    def _connection(self, found: Found) -> Connection | None:
-        """The type as the bag itself defines it, or, where that is broken or absent, as ROS 2 does."""
-        definition = found.definition if _is_whole(found.definition, found.type_name) else None
-        if definition is None and found.type_name not in self._known.fielddefs:
+    def _connection(self, found: Found) -> tuple[Connection, Convert] | None:
+        """The type as the bag itself defines it, or, where that is broken or absent, as ROS does."""
+        name = current_name(found.type_name)
+        is_idl = found.schema_encoding.endswith("idl")
+        own = self._layouts.define(found.definition, name, is_idl)
+        is_ros1 = found.encoding == ROS1_ENCODING
+        convert = self._layouts.convert(own, name, is_ros1=is_ros1)
+        if name not in self._layouts.types.fielddefs:
             return None
-        store: Typestore | None = None if definition else self._known
-        digest = None if store else "unknown"
-        return self._writer.add_connection(
-            found.topic, found.type_name, typestore=store, msgdef=definition, rihs01=digest
-        )
-
-
-def _is_whole(definition: str, type_name: str) -> bool:
-    """Whether a message definition can be read and defines that type."""
-    rule = "=" * 80 + "\n"
-    try:
-        if definition.startswith(f"{rule}IDL: "):
-            parts = [part.split("\n", 1)[1] for part in definition.split(rule)[1:]]
-            types = {name: kind for part in parts for name, kind in types_from_idl(part).items()}
-        else:
-            types = types_from_msg(definition, type_name)
-        get_typestore(Stores.EMPTY).register(types)
-    except OverBudgetError:
-        raise
-    except Exception:  # a parser on foreign bytes
-        return False
-    return bool(definition) and type_name in types
+        if (found.topic, name) not in self._written_to:
+            self._written_to[found.topic, name] = self._writer.add_connection(
+                found.topic, name, typestore=self._layouts.types
+            )
+        return self._written_to[found.topic, name], convert or bytes

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import Counter
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import zstandard
@@ -16,6 +17,10 @@ _ZSTD_FRAME = b"\x28\xb5\x2f\xfd"
 
 _BLOCK_BYTES = 2**16
 
+ROS1_ENCODING = "ros1"
+ENCODINGS = ("cdr", ROS1_ENCODING)
+"""Of messages of ROS."""
+
 
 @dataclass(frozen=True)
 class Found:
@@ -26,7 +31,9 @@ class Found:
         type_name: E.g. `sensor_msgs/msg/JointState`.
         definition: Of its type, as the bag tells it; "" when it does not.
         time_ns: Of its receipt.
-        data: CDR bytes.
+        data: Its bytes.
+        encoding: What they are: `cdr`, or `ros1`.
+        schema_encoding: In which language the definition is, e.g. `ros2msg`; "" when it is known by its looks.
     """
 
     topic: str
@@ -34,6 +41,8 @@ class Found:
     definition: str
     time_ns: int
     data: bytes
+    encoding: str = "cdr"
+    schema_encoding: str = ""
 
 
 @dataclass
@@ -43,10 +52,12 @@ class Loss:
     Attributes:
         messages: Known to have been there.
         unread_bytes: In which there may have been any number.
+        foreign: Whole messages that are none of ROS, by their encoding.
     """
 
     messages: int = 0
     unread_bytes: int = 0
+    foreign: Counter[str] = field(default_factory=Counter)
 
 
 def unpacked(file: Path, target: Path, loss: Loss) -> Path:

@@ -4,6 +4,8 @@
 An mcap file is a row of records, most of them chunks of packed messages, so one that was cut off (kill, full disk,
 copy) is good up to its last whole record. Behind a record that makes no sense the search goes on at the next chunk.
 
+The same walk reads good files that rosbags cannot: of ROS 1, or with a summary that leaves out what it relies on.
+
 Source: MCAP file format specification, https://mcap.dev/spec.
 """
 
@@ -14,8 +16,11 @@ import struct
 from collections.abc import Iterator
 from pathlib import Path
 
+from rosbags.rosbag2.storage_mcap import McapReader
+
+from mild_core.printable import printable
 from mild_ros.bag_budgets import CHUNK_BYTES, OverBudgetError, decompress
-from mild_ros.salvage_found import Found, Loss, message_bytes
+from mild_ros.salvage_found import ENCODINGS, Found, Loss, message_bytes
 
 MAGIC = b"\x89MCAP0\r\n"
 _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX = 0x03, 0x04, 0x05, 0x06, 0x07
@@ -26,6 +31,9 @@ _MESSAGE_HEADER = struct.Struct("<HIQQ")
 _CHUNK_HEADER = struct.Struct("<QQQII")
 _INDEX_ENTRY_BYTES = 16
 _COMPRESSIONS = tuple(struct.pack("<I", len(name)) + name for name in (b"zstd", b"lz4"))
+
+_NAMELESS = "__schemaless__"
+"""What rosbags calls a type whose name it has not read."""
 
 Bytes = bytes | mmap.mmap
 Record = tuple[int, int, int]
@@ -42,13 +50,48 @@ def mcap_messages(file: Path, loss: Loss) -> Iterator[Found]:
             yield from _Search(data, loss).messages()
 
 
+def is_whole(file: Path) -> bool:
+    """Whether a file is mcap from its begin to its end; chunks are not looked into."""
+    if file.stat().st_size <= 2 * len(MAGIC):
+        return False
+    loss = Loss()
+    with file.open("rb") as given, mmap.mmap(given.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        for _ in _records(data, len(MAGIC), loss):
+            pass
+        return data[: len(MAGIC)] == data[-len(MAGIC) :] == MAGIC and not loss.unread_bytes
+
+
+def tells_enough(reader: McapReader) -> bool:
+    """Whether rosbags reads all of a file and in order: any part of a summary may be missing in a good one.
+
+    Args:
+        reader: That has opened it.
+    """
+    counted = sum(connection.msgcount for connection in reader.connections)
+    named = all(connection.msgtype != _NAMELESS for connection in reader.connections)
+    if counted != reader.metadata.message_count or not named:
+        return False
+    if reader.chunks:
+        return counted > 0
+    with reader.path.open("rb") as given, mmap.mmap(given.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        newest_ns = 0
+        for kind, begin, stop in _records(data, len(MAGIC), Loss()):
+            if kind == _MESSAGE and stop - begin >= _MESSAGE_HEADER.size:
+                before_ns, newest_ns = newest_ns, _MESSAGE_HEADER.unpack_from(data, begin)[2]
+                if newest_ns < before_ns:
+                    return False
+            elif kind == _CHUNK:
+                return False
+    return True
+
+
 class _Search:
     """A walk through one file."""
 
     def __init__(self, data: Bytes, loss: Loss) -> None:
         self._data, self._loss = data, loss
-        self._schemas: dict[int, tuple[str, str]] = {}
-        self._channels: dict[int, tuple[int, str]] = {}
+        self._schemas: dict[int, tuple[str, str, str]] = {}
+        self._channels: dict[int, tuple[int, str, str]] = {}
 
     def messages(self) -> Iterator[Found]:
         for kind, begin, stop in _records(self._data, len(MAGIC), Loss()):
@@ -79,13 +122,14 @@ class _Search:
             if kind == _SCHEMA:
                 (number,) = struct.unpack_from("<H", data, begin)
                 name, at = _text(data, begin + 2, stop)
-                _, at = _text(data, at, stop)
+                encoding, at = _text(data, at, stop)
                 definition, _ = _text(data, at, stop)
-                self._schemas[number] = name, definition
+                self._schemas[number] = name, definition, encoding
             elif kind == _CHANNEL:
                 number, schema = struct.unpack_from("<HH", data, begin)
-                topic, _ = _text(data, begin + 4, stop)
-                self._channels[number] = schema, topic
+                topic, at = _text(data, begin + 4, stop)
+                encoding, _ = _text(data, at, stop)
+                self._channels[number] = schema, topic, encoding
         except (struct.error, ValueError):
             return
 
@@ -95,13 +139,16 @@ class _Search:
             self._loss.messages += 1
             return
         number, _, time_ns, _ = _MESSAGE_HEADER.unpack_from(data, begin)
-        schema, topic = self._channels.get(number, (-1, ""))
-        name, definition = self._schemas.get(schema, ("", ""))
+        schema, topic, encoding = self._channels.get(number, (-1, "", "cdr"))
+        if encoding not in ENCODINGS:
+            self._loss.foreign[printable(encoding, 20)] += 1
+            return
+        name, definition, language = self._schemas.get(schema, ("", "", ""))
         message = message_bytes(bytes(data[content:stop]))
         if message is None or not name or time_ns >= 2**63:
             self._loss.messages += 1
             return
-        yield Found(topic, name, definition, time_ns, message)
+        yield Found(topic, name, definition, time_ns, message, encoding, language)
 
 
 def _records(data: Bytes, start: int, loss: Loss) -> Iterator[Record]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import itertools
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import partial
@@ -42,6 +43,7 @@ class LockStep:
         tick: Publishes `/clock` [ns].
         patience_s: How long to wait for an answer.
         reporters: How many nodes report. Where there are several, two of them take the robot's own state.
+        recorders: How many recorders repeat each report once they have written it down.
 
     Attributes:
         period_s: How often to ask `is_due`.
@@ -57,8 +59,11 @@ class LockStep:
         tick: Callable[[int], None],
         patience_s: float,
         reporters: int = 1,
+        recorders: int = 0,
     ) -> None:
         self.sent = 0
+        self._recorders = recorders
+        self._told, self._recorded = Counter[Handled](), Counter[Handled]()
         self._measuring = min(reporters, 2)
         self._events, self._send, self._tick, self._patience_s = events, send, tick, patience_s
         self._event: Event | None = None
@@ -76,6 +81,8 @@ class LockStep:
             return False
         self._tokens = self._measuring if self._event.input == JOINT_STATES else 1
         self._begun = self._event.input != SKELETON
+        self._told.clear()
+        self._recorded.clear()
         self._since_s = self._repeated_s = time.monotonic()
         self._tick(self._event.time_ns)
         if self._event.message is not None:
@@ -92,7 +99,16 @@ class LockStep:
             return False
         self._tokens += fate.outputs - 1
         self._begun = self._begun or fate.stage in FIRST
-        return self._tokens == 0 and self._begun
+        self._told[fate] += self._recorders
+        return self._is_done()
+
+    def is_done_once_recorded(self, fate: Handled) -> bool:
+        """Take into account that a recorder has written down a fate; whether nothing is left of the event."""
+        self._recorded[fate] += 1
+        return self._told[fate] > 0 and self._is_done()
+
+    def _is_done(self) -> bool:
+        return self._tokens == 0 and self._begun and self._told <= self._recorded
 
     def is_due(self) -> bool:
         """Never by itself, but look after an event that nobody answers; to be called now and then.
@@ -108,12 +124,17 @@ class LockStep:
             raise SetupError(
                 "lock-step",
                 f"event {self.sent}, a {what}, was not handled within {self._patience_s:g} s",
-                "start the nodes with -p report_handled:=true -p use_sim_time:=true, and one set of them only",
+                self._remedy(),
             )
         if self._event.input == TICK and now_s - self._repeated_s > REPEAT_S:
             self._repeated_s = now_s
             self._tick(self._event.time_ns)
         return False
+
+    def _remedy(self) -> str:
+        if self._tokens == 0 and self._begun:
+            return "start the recorder with -p report_recorded:=true, and let it record handled, or set recorders to 0"
+        return "start the nodes with -p report_handled:=true -p use_sim_time:=true, and one set of them only"
 
     @staticmethod
     def _concerns(event: Event, fate: Handled) -> bool:
@@ -182,6 +203,10 @@ class RealTime:
 
     def is_done_after(self, _fate: Handled) -> bool:
         """Nobody is waited for."""
+        return False
+
+    def is_done_once_recorded(self, _fate: Handled) -> bool:
+        """Nor is a recorder."""
         return False
 
     def is_due(self) -> bool:

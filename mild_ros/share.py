@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from functools import cache
 from pathlib import Path
 
 from mild_core.errors import SetupError, unknown_name
+from mild_core.printable import printable
 
 
 @cache
@@ -33,19 +35,31 @@ def share_folder(kind: str) -> Path:
 def model_folder(name: str) -> Path:
     """The folder of a model that is given by its name or by a path.
 
+    A bare name means the shipped model, whatever lies in the current folder; only a name that no shipped model has may
+    be a folder there, and that is said on stderr.
+
     Raises:
         SetupError: There is no such folder; the message lists those there are.
     """
-    path = Path(name).expanduser()
-    if len(path.parts) != 1 or path.is_dir():
+    path, bare = Path(name).expanduser(), os.sep not in name
+    if bare and name in model_names():
         if path.is_dir():
-            return path
-        raise SetupError(
-            f"model {name}", "no such folder", f"give a folder or {' or '.join(model_names()) or 'a path'}"
-        )
-    if name not in model_names():
-        raise unknown_name("model", name, model_names())
-    return share_folder("models") / name
+            _tell(f"model {name}: the shipped one is taken; the folder of that name here is .{os.sep}{name}")
+        return share_folder("models") / name
+    if path.is_dir():
+        if bare and path.name:
+            _tell(f"model {printable(name)}: the folder of that name here is taken")
+        return path
+    if len(path.parts) != 1:
+        names = " or ".join(model_names()) or "a path"
+        raise SetupError(f"model {name}", "no such folder", f"give a folder or {names}")
+    raise unknown_name("model", name, model_names())
+
+
+@cache
+def _tell(words: str) -> None:
+    """Say something once."""
+    sys.stderr.write(f"mild: {words}\n")
 
 
 def model_names() -> tuple[str, ...]:

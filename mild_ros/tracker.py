@@ -22,7 +22,7 @@ from mild_ros.messages.feeds import SKELETON_TOPIC, Feed
 from mild_ros.messages.marker_array_bytes import marker_array_from_bytes
 from mild_ros.messages.skeletons import ADAPTERS
 from mild_ros.quality_of_service import SENSOR, STATIC_TRANSFORMS
-from mild_ros.reception import KEPT, Reception
+from mild_ros.reception import KEPT, PARTS_PER_S, PER_S, Reception
 from mild_ros.settings import PerceptionParameters
 from mild_ros.tracker_watch import TrackerWatch
 
@@ -103,12 +103,13 @@ class Tracker:
                 return
             stamp_ns = max((person.stamp_ns for person in people), default=None)
             on_sight(Sighting(people, stamp_ns, now_ns, steady_ns))
-            diagnostics.flowed(TOPIC, stamp_ns)
+            diagnostics.flowed(TOPIC)
 
         for feed, message_type in self._feeds:
             quality = STATIC_TRANSFORMS if feed.latched else SENSOR
             raw = feed.type_name in FROM_BYTES
             # A transform alone shows nobody, and every static one comes once only.
-            kept = quality.depth if feed.latched or feed.lacks is not None else KEPT
+            all_parts = feed.latched or feed.lacks is not None
+            kept, per_s = (quality.depth, PARTS_PER_S) if all_parts else (KEPT, PER_S)
             read = partial(on_message, feed)
-            reception.subscribe(message_type, feed.topic, read, quality, raw=raw, kept=kept)
+            reception.subscribe(message_type, feed.topic, read, quality, raw=raw, kept=kept, per_s=per_s)

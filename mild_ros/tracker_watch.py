@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterable
 from contextlib import AbstractContextManager
 from typing import Any
 
@@ -12,7 +13,8 @@ from rclpy.node import Node
 
 from mild_core.perception.skeletons import SkeletonSource
 from mild_ros.clock import steady_clock
-from mild_ros.diagnostics import Diagnostics
+from mild_ros.command_topics import JOINT_COMMAND
+from mild_ros.diagnostics import OTHER_USER, Diagnostics, publisher_names
 from mild_ros.messages.feeds import SKELETON_TOPIC, Feed
 from mild_ros.messages.misfits import fitting_sources, misfit
 
@@ -22,6 +24,30 @@ SILENCE_S = 1.5
 
 STUCK_S = 1.0
 """Messages of which none can be used for so long need one."""
+
+
+OF_A_ROBOT = ("joint_states", JOINT_COMMAND, "robot_description")
+"""Who publishes one of these in a namespace has a robot there."""
+
+
+OF_PERCEPTION = (JOINT_COMMAND, "feature_window")
+"""A node that takes a tracker's messages publishes one of these."""
+
+
+def other_robots(topics: Iterable[str], namespace: str) -> set[str]:
+    """Namespaces of robots beside our own, of which ours is none and which do not hold ours.
+
+    Args:
+        topics: Full names of all that is published.
+        namespace: Our own.
+    """
+    places = {topic.rpartition("/")[0] for topic in topics if topic.rpartition("/")[2] in OF_A_ROBOT}
+    return {place for place in places if place and not _is_within(namespace, place)}
+
+
+def _is_within(name: str, namespace: str) -> bool:
+    """Whether a name lies in a namespace, or is it."""
+    return name == namespace or name.startswith(f"{namespace}/")
 
 
 class TrackerWatch:
@@ -84,8 +110,8 @@ class TrackerWatch:
         if feed.latched or now_s - self._silent_since_s[feed.topic] < SILENCE_S:
             return ""
         if publishers:
-            names = ", ".join(f"{found.node_namespace.rstrip('/')}/{found.node_name}" for found in publishers)
-            return f"nothing comes on {topic}, which {names} could publish: is the tracker running?"
+            names = publisher_names(publishers)
+            return f"nothing comes on {topic}, which {names} could publish: is the tracker running?{OTHER_USER[1:]}"
         return f"nobody publishes {topic} ({feed.type_name}): {self._elsewhere(feed)}"
 
     def _of_another_type(self, topic: str, feed: Feed, other: Any) -> str:
@@ -96,7 +122,7 @@ class TrackerWatch:
         return f"{who} publishes {other.topic_type} on {topic}, but source {expected}: {remedy}"
 
     def _elsewhere(self, feed: Feed) -> str:
-        """What else is there that could be meant."""
+        """What else is there that could be meant, but for what is another robot's."""
         own = {name for name, _ in self._node.get_publisher_names_and_types_by_node(
             self._node.get_name(), self._node.get_namespace()
         )}  # fmt: skip
@@ -105,6 +131,8 @@ class TrackerWatch:
             for name, kinds in self._node.get_topic_names_and_types()
             if name not in own and self._node.count_publishers(name)
         ]
+        robots = other_robots((name for name, _ in found), self._node.get_namespace())
+        found = [(name, kind) for name, kind in found if not self._is_of(robots, name)]
         same = [name for name, kind in found if kind == feed.type_name]
         if same:
             return f"remap it, e.g. -r {feed.topic}:={same[0]}"
@@ -113,6 +141,22 @@ class TrackerWatch:
             name, source = others[0]
             return f"is it {name}? Then -r {feed.topic}:={name} -p source:={source}"
         return "start the tracker, or look at ROS_DOMAIN_ID"
+
+    def _is_of(self, robots: set[str], topic: str) -> bool:
+        """Whether a topic lies in the namespace of one of these robots, or another person tracking reads it."""
+        if any(_is_within(topic, robot) for robot in robots):
+            return True
+        own = (self._node.get_name(), self._node.get_namespace())
+        listeners = {(one.node_name, one.node_namespace) for one in self._node.get_subscriptions_info_by_topic(topic)}
+        return any(one[1] in robots or self._reads_people(*one) for one in listeners - {own})
+
+    def _reads_people(self, name: str, namespace: str) -> bool:
+        """Whether a node is one of ours that takes a tracker's messages."""
+        try:
+            published = self._node.get_publisher_names_and_types_by_node(name, namespace)
+        except RuntimeError:  # rclpy has no type of its own for a node that has gone, or has no name yet
+            return False
+        return any(topic.rpartition("/")[2] in OF_PERCEPTION for topic, _ in published)
 
     def _stuck(self, flowing: bool, now_s: float) -> str:
         """Why messages come but nobody can be used, when that has been so for long."""

@@ -3,10 +3,10 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 import shutil
 import signal
+import socket
 import tempfile
 import time
 import uuid
@@ -15,36 +15,21 @@ from pathlib import Path
 
 import pytest
 
+from mild_ros.processes import hold_domain
+
 ROOT = Path(__file__).resolve().parent.parent
-LAST_DOMAIN = 101
-"""Above it the ports of a domain reach into those that Linux hands out to anybody (32768 and up)."""
+DOMAIN_LOCK = pytest.StashKey[socket.socket]()
 
 MARK = f"MILD_TEST_SESSION={uuid.uuid4().hex}"
 """In the environment of everything that this session starts, however deep and wherever it moves to."""
-
-
-def _holds(path: Path) -> bool:
-    """Whether the lock `path` could be taken; it is held as long as this process lives."""
-    try:
-        fcntl.flock(os.open(path, os.O_CREAT | os.O_RDWR), fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return False
-    return True
-
-
-def _free_domain() -> int:
-    """A domain that no other test session, and no demo (mild_ros/processes.py), on this machine has."""
-    for domain in range(1, LAST_DOMAIN + 1):
-        if _holds(Path(tempfile.gettempdir(), f"mild_ros-domain-{domain}.lock")):
-            return domain
-    raise pytest.UsageError(f"all ROS 2 domains from 1 to {LAST_DOMAIN} are held by other test sessions")
 
 
 def pytest_configure(config: pytest.Config) -> None:
     """Before any import of numpy or rclpy: both read their environment once."""
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
         os.environ[variable] = "1"
-    os.environ["ROS_DOMAIN_ID"] = str(_free_domain())
+    domain, config.stash[DOMAIN_LOCK] = hold_domain()  # no demo and no other test session, of whichever user, has it
+    os.environ["ROS_DOMAIN_ID"] = str(domain)
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     os.environ["ROS_LOG_DIR"] = tempfile.mkdtemp(prefix="mild_ros-test-log-")
     os.environ["MPLBACKEND"] = "Agg"
@@ -53,6 +38,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:
+    config.stash[DOMAIN_LOCK].close()
     shutil.rmtree(os.environ["ROS_LOG_DIR"], ignore_errors=True)
 
 
@@ -73,9 +59,10 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 @pytest.fixture(scope="session")
 def ros_domain() -> int:
-    """The ROS 2 domain that is this session's alone; already in the environment, for children too.
+    """The ROS 2 domain that is this session's alone, or this worker's; already in the environment, for children too.
 
-    Who talks over DDS asks for it, directly or by another fixture: `./mild test` runs such tests one by one.
+    Who talks over DDS asks for it, directly or by another fixture: `./mild test` runs such tests two at a time, and all
+    of a file in one worker, so that they share what a fixture of the module has started.
     """
     return int(os.environ["ROS_DOMAIN_ID"])
 

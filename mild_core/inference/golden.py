@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mild_core.inference.manifest import Manifest
+from mild_core.inference.manifest import AUTO, Manifest
 from mild_core.inference.motion_model import MildModel
-from mild_core.inference.stage import AUTO, Inference
+from mild_core.inference.stage import Inference
 from mild_core.shapes import FloatArray
 from mild_core.signals import FeatureWindow
 

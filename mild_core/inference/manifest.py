@@ -8,9 +8,13 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from mild_core.errors import unknown_name
 from mild_core.inference.networks import LayerSpec
 
 FORMAT_VERSION = 1
+AUTO = "auto"
+"""In place of an interaction's name: it is recognised."""
+
 PROTOCOLS = ("same", "ahead", "next")
 FEATURES = ("positions", "positions_velocities")
 OBSERVED_KINDS = ("human_arm",)
@@ -170,6 +174,15 @@ class Manifest:
     def frame_values(self) -> int:
         """D: numbers of one observed frame."""
         return len(self.observed.joint_names) * (3 if self.features == "positions" else 6)
+
+    def check_interaction(self, name: str) -> None:
+        """Make sure that the model knows an interaction, or is to recognise it.
+
+        Raises:
+            SetupError: It does not; those that it knows are listed.
+        """
+        if name not in (AUTO, *self.interactions):
+            raise unknown_name(f"interaction of model {self.name}", name, (AUTO, *self.interactions))
 
     def source_sizes(self) -> dict[str, int]:
         """How many numbers each source of `SOURCES` has, but for the context, whose network says so."""

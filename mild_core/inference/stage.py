@@ -23,8 +23,9 @@ from functools import cached_property
 
 import numpy as np
 
-from mild_core.errors import DataError, unknown_name
+from mild_core.errors import DataError
 from mild_core.inference.gesture_recogniser import UNDECIDED_S, GestureState, unit_arm
+from mild_core.inference.manifest import AUTO
 from mild_core.inference.member import Generated, MemberState, Told, combined, make_told
 from mild_core.inference.motion_model import MildModel
 from mild_core.inference.priors.filtering import UNDERFLOW
@@ -35,9 +36,6 @@ from mild_core.inference.stepping import Observed
 from mild_core.joint_measurements import JointMerger
 from mild_core.shapes import FloatArray, read_only
 from mild_core.signals import NAMED, NONE, OFFERED, RESTING, FeatureWindow, JointMeasurement, MotionWindow
-
-AUTO = "auto"
-"""Recognise the interaction instead of being told."""
 
 DECIDED = 0.5
 """Probability from which a recognised interaction is named."""
@@ -57,7 +55,6 @@ OWN_CERTAIN = 0.9
 
 NEGLIGIBLE = 1e-3
 """Probability of an interaction below which what it would answer is not asked for."""
-
 
 FAST_JOINT_RAD_S = 10.0
 """Speed of the joints of an arm whose limits are unknown."""
@@ -85,9 +82,7 @@ class Inference:
     joint_velocity_rad_s: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        names = self.model.manifest.interactions
-        if self.interaction not in (AUTO, *names):
-            raise unknown_name(f"interaction of model {self.model.manifest.name}", self.interaction, (AUTO, *names))
+        self.model.manifest.check_interaction(self.interaction)
 
     @cached_property
     def _told(self) -> tuple[Told, ...]:

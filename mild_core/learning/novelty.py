@@ -61,7 +61,11 @@ def territory_of(
     """
     whole = Fold(tuple(demonstrations), tuple(demonstrations))
     known = {trial.interaction for trial in demonstrations}
-    folds = [fold for fold in folds_of(demonstrations) if {trial.interaction for trial in fold.learned} == known]
+    folds = [
+        fold
+        for fold in folds_of(demonstrations)
+        if fold.held_out and {trial.interaction for trial in fold.learned} == known
+    ]
     scores = []
     for fold in folds or [whole]:
         territory = clustered(fold.learned, protocol, interactions, seed)

@@ -101,18 +101,18 @@ class Recording:
         return self.file if Path(self.file).is_absolute() else self.name
 
     def default_path(self) -> Path:
-        """Below the folder of recordings."""
+        """Where it lies, or would be put: below the folder of recordings, or beside a checkout if it is there."""
+        beside = Path(__file__).parents[2] / ".." / "shared" / "data" / self.file
+        if not os.environ.get("MILD_DATA") and beside.exists() and not Path(self.file).is_absolute():
+            return Path(os.path.relpath(beside))
         return data_folder() / self.file
 
 
 def data_folder() -> Path:
-    """Where recordings lie: $MILD_DATA, the data of developers beside the checkout, or the user's data folder.
+    """Where recordings lie: $MILD_DATA, or the user's data folder.
 
-    Source of the last: XDG Base Directory Specification.
+    Source of the latter: XDG Base Directory Specification.
     """
     if given := os.environ.get("MILD_DATA"):
         return Path(given).expanduser()
-    beside = Path(__file__).parents[2] / ".." / "shared" / "data"
-    if beside.is_dir():
-        return Path(os.path.relpath(beside))
     return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share") / "mild_ros" / "data"

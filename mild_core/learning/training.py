@@ -36,6 +36,7 @@ from mild_core.learning.snapshot import Learner, Snapshot
 from mild_core.learning.start_pose import fit_start_pose
 from mild_core.learning.stopping import lengths, levelled_off, validation_error
 from mild_core.learning.trained import TrainedMember, TrainedModel
+from mild_core.learning.trial_validity import require_valid
 from mild_core.learning.vae import MemberNetworks
 from mild_core.learning.windows import Protocol
 
@@ -105,12 +106,12 @@ def train(
 
     Raises:
         ValueError, KeyError, RuntimeError: There is no demonstration, or a snapshot is of something else.
-        DatasetError: One is too short for the prior's components; with `doublings` there are too few to hold some out.
+        DatasetError: See `require_learnable`; with `doublings` there are too few to hold some out.
 
     Source: Algorithm 1 of MILD.
     """
     interactions = tuple(interactions or dict.fromkeys(d.interaction for d in demonstrations))
-    _require_length(demonstrations, protocol, settings)
+    require_learnable(demonstrations, protocol, settings)
     corpus, members, before = corpus_of(demonstrations, protocol, interactions), [], 0
     if settings.doublings:
         require_folds(demonstrations, interactions)
@@ -138,12 +139,13 @@ def _beside(
     return found[0], fit_start_pose(demonstrations, protocol, interactions, found[1], STRIDE)
 
 
-def _require_length(demonstrations: Sequence[Demonstration], protocol: Protocol, settings: TrainingSettings) -> None:
-    """Every trial must give the prior one step for each component.
+def require_learnable(demonstrations: Sequence[Demonstration], protocol: Protocol, settings: TrainingSettings) -> None:
+    """Every trial must show what can be, and give the prior one step for each component.
 
     Raises:
-        DatasetError: One does not.
+        DatasetError: One does not, or nobody moves in any of them.
     """
+    require_valid(demonstrations)
     for demonstration in demonstrations:
         frames = len(demonstration.observed_m)
         steps = -(-protocol.windows_of(-(-frames // protocol.keep_every)) // settings.stride)

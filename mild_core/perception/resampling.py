@@ -22,6 +22,9 @@ tracker faster than the model shows the grid point itself soon."""
 GAP_INTERVALS = 1.5
 """More tracker intervals than this between two frames: one in between was lost."""
 
+FLOOD_NS = 2_000_000
+"""No tracker sees a person twice within this time: of a flood nobody can tell what is missing in it."""
+
 _RISE, _FALL = 0.05, 0.10
 """Most that one interval may change the estimate: losses lengthen intervals, nothing shortens them."""
 
@@ -43,6 +46,8 @@ class Cadence:
     def after(self, stamp_ns: int) -> tuple[Cadence, int]:
         """The cadence after a frame, and how many messages before it never came, judged from the stamps."""
         interval = stamp_ns - self.stamp_ns
+        if 0 < interval < FLOOD_NS:
+            return Cadence(stamp_ns), 0
         if self.interval_ns == 0.0:
             return Cadence(stamp_ns, float(interval)), 0
         missed = max(0, round(interval / self.interval_ns) - 1 - self.absent)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import product
 from typing import NamedTuple
 
@@ -27,7 +27,7 @@ from mild_core.retargeting.chain import (
 )
 from mild_core.retargeting.kinematics import KinematicTree, read_tree
 from mild_core.retargeting.robot import RobotModel
-from mild_core.retargeting.urdf import Solid, read_solids
+from mild_core.retargeting.urdf import FIXED, Solid, read_solids
 from mild_core.shapes import FloatArray, read_only
 
 BARE_RADIUS_M = 0.06
@@ -50,6 +50,43 @@ NEVER_NEAR_M = 0.05
 """Pairs that in none of so many random poses come nearer than this are not looked at again."""
 
 
+TABLE_M, TABLE_AT_M = (0.60, 0.68), (-0.12, 0.0)
+"""Of the table that a robot stands on: its length and width, and where its middle is in the base frame."""
+
+TABLE_DEEP_M = 0.1
+"""Nothing of the arm is wanted in so much below a table's top either."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """What a robot stands on.
+
+    Attributes:
+        top_m: Height of its top in the robot's base frame.
+    """
+
+    top_m: float
+
+    def capsules(self) -> list[tuple[FloatArray, FloatArray, float]]:
+        """What the arm keeps out of, in the base frame: start, end and radius of each."""
+        middle = np.array([*TABLE_AT_M, self.top_m - TABLE_DEEP_M / 2.0])
+        slab = Solid("", "box", (*TABLE_M, TABLE_DEEP_M), np.eye(4))
+        return [(start + middle, end + middle, radius) for start, end, radius in _filled(slab)]
+
+
+@lru_cache(maxsize=8)
+def table_of(robot: RobotModel) -> Table:
+    """The table under a robot that stands on one: it ends where the base begins, as far as its shapes tell."""
+    tree, ends = read_tree(robot.urdf_path), []
+    loose = {joint.child for joint in tree.by_child.values() if joint.kind not in FIXED}
+    for solid in read_solids(robot.urdf_path, "visual"):
+        above = {solid.link, *(joint.child for joint in tree.chain(solid.link))}
+        if solid.link == robot.base_link or not above & loose:  # another arm may hang lower
+            pose = mount_of(robot, tree, solid.link).pose @ solid.origin
+            ends.append(float((_surface(solid) @ pose[:3, :3].T + pose[:3, 3])[:, 2].min()))
+    return Table(min(ends, default=0.0))
+
+
 @dataclass(frozen=True, eq=False)
 class Capsules:
     """N capsules.
@@ -69,11 +106,10 @@ class Capsules:
     outer_m: FloatArray
     pairs: FloatArray
 
-    @property
+    @cached_property
     def moving(self) -> FloatArray:
         """Places of those that the chain moves, without its first joint's: a shoulder meets nobody."""
-        found: FloatArray = np.flatnonzero(self.mounted >= FIRST_MET).astype(np.float64)
-        return found
+        return np.flatnonzero(self.mounted >= FIRST_MET).astype(np.float64)
 
 
 @lru_cache(maxsize=8)
@@ -92,6 +128,8 @@ def capsules_of(robot: RobotModel) -> Capsules:
     for frame, tip in enumerate(tips, start=1):
         if all(each.frame != frame for each in found):
             found.append(_Mounted(frame, np.zeros(3), tip, BARE_RADIUS_M, BARE_RADIUS_M))
+    if robot.keeps_off_table:
+        found += [_Mounted(0, start, end, radius, radius) for start, end, radius in table_of(robot).capsules()]
     colliding = len(found)
     _hold_what_is_seen(found, robot, tree, chain)
     mounted = read_only(np.array([each.frame for each in found], dtype=np.float64))

@@ -10,9 +10,9 @@ import numpy as np
 
 from mild_core.compiled import compiled
 from mild_core.errors import SetupError
-from mild_core.retargeting.kinematics import KinematicTree, read_tree
+from mild_core.retargeting.kinematics import KinematicTree, moved, read_tree
 from mild_core.retargeting.robot import RobotModel
-from mild_core.retargeting.urdf import FIXED, TURNING
+from mild_core.retargeting.urdf import FIXED, LOOSE, TURNING, Joint
 from mild_core.shapes import FloatArray, read_only
 
 NOTHING_NEAR_M = 0.3
@@ -23,13 +23,17 @@ NOTHING_NEAR_M = 0.3
 class Chain:
     """C joints from the base to the tool, those that nothing commands at rest.
 
+    A joint that copies a commanded one is in the chain too, and moves with it.
+
     Attributes:
-        columns: (C,) place of each in the robot's joint order.
+        names: Of the C joints.
+        columns: (C,) place of each, or of the one that it copies, in the robot's joint order.
         offsets: (C, 4, 4) pose of each joint in the frame that the joint before moves; the first in the base frame.
-        axes: (C, 3) unit vectors in the joint's own frame.
+        axes: (C, 3) in the joint's own frame, as long as the joint turns [rad] when the commanded one does by 1 rad.
         tool_m: (3,) the tool link's origin in the frame that the last joint moves.
     """
 
+    names: tuple[str, ...]
     columns: FloatArray
     offsets: FloatArray
     axes: FloatArray
@@ -67,24 +71,30 @@ def chain_of(robot: RobotModel) -> Chain:
     """The chain that carries the robot's tool.
 
     Raises:
-        SetupError: The description is broken, or a commanded joint in the chain does not turn.
+        SetupError: The description is broken, or a joint in the chain does not turn or has no single position.
     """
     tree = read_tree(robot.urdf_path)
-    columns, offsets, axes = [], [], []
+    names, columns, offsets, axes = [], [], [], []
     pose: FloatArray = np.eye(4)
     for joint in tree.chain(robot.tool_link, robot.base_link):
-        if joint.name in robot.joint_names and joint.kind not in FIXED:
+        if joint.kind in LOOSE:
+            problem = f"joint '{joint.name}' is {joint.kind} and lies between '{robot.base_link}' and the tool"
+            raise SetupError(robot.source, problem, f"take '{joint.child}' as base_link")
+        leader, ratio, offset = tree.followed(joint)
+        if moves(robot, tree, joint):
             if joint.kind not in TURNING:
-                raise SetupError(str(robot.urdf_path), f"'{joint.name}' does not turn", "command turning joints only")
-            columns.append(robot.joint_names.index(joint.name))
-            offsets.append(pose @ joint.origin)
-            axes.append(joint.axis)
+                raise SetupError(robot.source, f"'{joint.name}' does not turn", "command turning joints only")
+            names.append(joint.name)
+            columns.append(robot.joint_names.index(leader))
+            offsets.append(pose @ joint.origin @ moved(joint, np.asarray(offset)))
+            axes.append(ratio * joint.axis)
             pose = np.eye(4)
         else:
             pose = pose @ tree.pose(joint.child, dict(robot.rest), joint.parent)
     if not columns:
-        raise SetupError(str(robot.urdf_path), f"no commanded joint carries '{robot.tool_link}'", "name its joints")
+        raise SetupError(robot.source, f"no commanded joint carries '{robot.tool_link}'", "name its joints")
     return Chain(
+        tuple(names),
         read_only(np.array(columns, dtype=np.float64)),
         read_only(np.array(offsets)),
         read_only(np.array(axes)),
@@ -92,10 +102,16 @@ def chain_of(robot: RobotModel) -> Chain:
     )
 
 
+def moves(robot: RobotModel, tree: KinematicTree, joint: Joint) -> bool:
+    """Whether a joint moves when the robot is commanded: it is, or it copies one that is."""
+    leader, ratio, _ = tree.followed(joint)
+    return leader in robot.joint_names and joint.kind not in FIXED and ratio != 0.0
+
+
 def mount_of(robot: RobotModel, tree: KinematicTree, link: str) -> Mount:
     """What `link` hangs on: the last joint of the chain that carries it, or the base."""
-    rest = dict(robot.rest)
-    carried = [joint for joint in tree.chain(robot.tool_link, robot.base_link) if joint.name in robot.joint_names]
+    rest = robot.at_home
+    carried = [joint for joint in tree.chain(robot.tool_link, robot.base_link) if moves(robot, tree, joint)]
     above = {joint.name for joint in tree.chain(link)}
     frames = [number for number, joint in enumerate(carried, start=1) if joint.name in above]
     if frames:
@@ -112,7 +128,9 @@ def frames_of(positions_rad: FloatArray, columns: FloatArray, offsets: FloatArra
         frames[0, i, i] = 1.0
     turn, before = np.empty((3, 3)), np.empty((3, 3))
     for joint in range(count):
-        angle, (x, y, z) = positions_rad[int(columns[joint])], axes[joint]
+        x, y, z = axes[joint]
+        ratio = np.sqrt(x * x + y * y + z * z)
+        angle, x, y, z = ratio * positions_rad[int(columns[joint])], x / ratio, y / ratio, z / ratio
         s, c = np.sin(angle), np.cos(angle)
         d = 1.0 - c
         turn[0, 0], turn[0, 1], turn[0, 2] = c + x * x * d, x * y * d - z * s, x * z * d + y * s
@@ -136,7 +154,7 @@ def frames_of(positions_rad: FloatArray, columns: FloatArray, offsets: FloatArra
 def tool_jacobian(
     frames: FloatArray, columns: FloatArray, axes: FloatArray, tool_m: FloatArray, jacobian: FloatArray
 ) -> None:
-    """Fill in (3, J): each joint moves the tool at right angles to its axis and to the way from it to the tool."""
+    """Add to (3, J) of zeros: each joint moves the tool at right angles to its axis and to the way to the tool."""
     last = frames[-1]
     tx, ty, tz = (
         last[0, 3] + last[0, 0] * tool_m[0] + last[0, 1] * tool_m[1] + last[0, 2] * tool_m[2],
@@ -151,9 +169,9 @@ def tool_jacobian(
         az = frame[2, 0] * x + frame[2, 1] * y + frame[2, 2] * z
         dx, dy, dz = tx - frame[0, 3], ty - frame[1, 3], tz - frame[2, 3]
         column = int(columns[joint])
-        jacobian[0, column] = ay * dz - az * dy
-        jacobian[1, column] = az * dx - ax * dz
-        jacobian[2, column] = ax * dy - ay * dx
+        jacobian[0, column] += ay * dz - az * dy
+        jacobian[1, column] += az * dx - ax * dz
+        jacobian[2, column] += ax * dy - ay * dx
 
 
 @compiled

@@ -2,7 +2,8 @@
 """Distances and speeds of a robot's poses to itself and to people, compiled: what the guard decides by.
 
 Speeds of capsules are bounds over all their points: the ends of the axis, and what the link's turning adds at the
-surface. Speeds towards somebody are those of the nearest point of each capsule. Distances are exact for capsules.
+surface. Speeds towards somebody are those of the nearest point of each capsule, and of points of its surface that come
+nearer faster, where these are asked for. Distances are exact for capsules.
 """
 
 from __future__ import annotations
@@ -63,6 +64,7 @@ def evaluate_poses(
     far_m: float,
     zones_m: FloatArray,
     apart_m: float,
+    surface_m_s: float,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """What is to be known of K poses (K, J) that move at (K, J), among S body segments that move on.
 
@@ -86,20 +88,23 @@ def evaluate_poses(
         far_m: Distances beyond are not computed.
         zones_m: (S,) nearer than this the rates are computed.
         apart_m: Distance that parts of the robot keep from each other; infinite if that does not matter here.
+        surface_m_s: Where a capsule's and a segment's speeds may add up to more than this, points all around the
+            capsule count towards the segment too; infinite if only the nearest does.
 
     Returns:
         (K,) clearance to itself beyond `apart_m` [m], at most `LOOK_SELF_M`; while two parts that come together as
             fast as they can are still apart, the distance that is left of the last exact one stands for it;
         (K,) greatest speed of a point of the moving capsules [m/s];
         (K, S) clearance to each segment [m], at most `far_m`;
-        (K, S) greatest speed of the nearest point of a capsule inside the zone towards the segment [m/s], not below 0;
+        (K, S) greatest speed of the nearest point of a capsule inside the zone, and of others as above, towards the
+            segment [m/s], not below 0;
         (K, S) greatest speed of the segment towards such a capsule [m/s], not below 0.
     """
     count, others = len(positions_rad), len(radii_m)
     own, speed = np.full(count, LOOK_SELF_M), np.zeros(count)
     clear, toward, approach = np.full((count, others), far_m), np.zeros((count, others)), np.zeros((count, others))
     placed, ends_m_s = np.empty((len(mounted), 3, 3)), np.empty((len(moving), 2, 3))
-    rim_m_s, segment = np.empty(len(moving)), np.empty((3, 3))
+    rim_m_s, most_m_s, segment = np.empty(len(moving)), np.empty(len(moving)), np.empty((3, 3))
     for row in range(count):
         frames = frames_of(positions_rad[row], columns, offsets, axes)
         place_capsules(frames, mounted, ends_m, placed)
@@ -110,13 +115,15 @@ def evaluate_poses(
             frame = int(mounted[part])
             wx, wy, wz = turning[frame, 0], turning[frame, 1], turning[frame, 2]
             rim_m_s[number] = np.sqrt(wx * wx + wy * wy + wz * wz) * outer_m[part]
+            most_m_s[number] = 0.0
             for end in range(2):
                 px, py, pz = placed[part, end, 0], placed[part, end, 1], placed[part, end, 2]
                 vx = wy * pz - wz * py + shift[frame, 0]
                 vy = wz * px - wx * pz + shift[frame, 1]
                 vz = wx * py - wy * px + shift[frame, 2]
                 ends_m_s[number, end, 0], ends_m_s[number, end, 1], ends_m_s[number, end, 2] = vx, vy, vz
-                speed[row] = max(speed[row], np.sqrt(vx * vx + vy * vy + vz * vz) + rim_m_s[number])
+                most_m_s[number] = max(most_m_s[number], np.sqrt(vx * vx + vy * vy + vz * vz) + rim_m_s[number])
+            speed[row] = max(speed[row], most_m_s[number])
             cx += placed[part, 2, 0] / len(moving)
             cy += placed[part, 2, 1] / len(moving)
             cz += placed[part, 2, 2] / len(moving)
@@ -131,7 +138,11 @@ def evaluate_poses(
             around = max(around, np.sqrt(x * x + y * y + z * z) + sizes_m[part, 1] + outer_m[part])
         ahead_s = min(times_s[row], horizon_s)
         for other in range(others):
-            half = 0.0
+            half, comes = 0.0, 0.0
+            if times_s[row] < horizon_s:
+                for end in range(2):
+                    x, y, z = people_m_s[other, end, 0], people_m_s[other, end, 1], people_m_s[other, end, 2]
+                    comes = max(comes, np.sqrt(x * x + y * y + z * z))
             for i in range(3):
                 for end in range(2):
                     segment[end, i] = people_m[other, end, i] + ahead_s * people_m_s[other, end, i]
@@ -166,13 +177,100 @@ def evaluate_poses(
                     if times_s[row] < horizon_s:
                         moves = people_m_s[other, 0, i] + t * (people_m_s[other, 1, i] - people_m_s[other, 0, i])
                         coming -= n * moves
+                if comes > 0.0 and most_m_s[number] + comes > surface_m_s:
+                    frame = int(mounted[part])
+                    closing = max(
+                        closing,
+                        surface_speed(
+                            *(placed[part], ends_m_s[number], turning[frame], outer_m[part], s),
+                            *(segment, radii_m[other] + zone),
+                        ),
+                    )
                 toward[row, other] = max(toward[row, other], closing)
                 approach[row, other] = max(approach[row, other], coming)
     return own, speed, clear, toward, approach
 
 
+@compiled
+def surface_speed(
+    axis_m: FloatArray,
+    axis_m_s: FloatArray,
+    turning: FloatArray,
+    radius_m: float,
+    nearest: float,
+    segment: FloatArray,
+    within_m: float,
+) -> float:
+    """Greatest speed towards a segment of points around a capsule [m/s]: at both ends, and where it is nearest.
+
+    Of the points around the axis it is the one that is fastest towards the segment, to first order of the radius: a
+    point beside the nearest one is moved by the link's turning, and sees the segment in another direction.
+
+    Args:
+        axis_m: (2, 3) or more: ends of the axis ...
+        axis_m_s: (2, 3) ... and how they move.
+        turning: (3,) angular velocity of the link.
+        radius_m: Of the capsule.
+        nearest: Share of the way along the axis where the segment is nearest.
+        segment: (2, 3) or more: ends of the segment.
+        within_m: Points further than this from its axis do not count.
+    """
+    greatest = 0.0
+    at, rate, way = np.empty(3), np.empty(3), np.empty(3)
+    aside, out = np.empty(3), np.empty(3)
+    for place in range(3):
+        share = nearest if place == 0 else place - 1.0
+        for i in range(3):
+            at[i] = axis_m[0, i] + share * (axis_m[1, i] - axis_m[0, i])
+            rate[i] = axis_m_s[0, i] + share * (axis_m_s[1, i] - axis_m_s[0, i])
+        far, closing, inside = _toward(at, rate, segment, way)
+        if far - radius_m >= within_m:
+            continue
+        greatest = max(greatest, closing)
+        square, slides, length = 1e-12, 0.0, 0.0
+        for i in range(3):
+            out[i] = segment[1, i] - segment[0, i]
+            square += out[i] * out[i]
+            slides += rate[i] * out[i]
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            # Where the nearest place of the segment slides along with a point, the direction to it does not turn.
+            across = rate[i] - closing * way[i] - (slides / square * out[i] if inside else 0.0)
+            aside[i] = way[j] * turning[k] - way[k] * turning[j] - across / far
+            length += aside[i] * aside[i]
+        length = max(np.sqrt(length), 1e-9)
+        for i in range(3):
+            out[i] = radius_m * aside[i] / length
+            at[i] += out[i]
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            rate[i] += turning[j] * out[k] - turning[k] * out[j]
+        far, closing, _ = _toward(at, rate, segment, way)
+        if far < within_m:
+            greatest = max(greatest, closing)
+    return greatest
+
+
+@compiled
+def _toward(at: FloatArray, rate: FloatArray, segment: FloatArray, way: FloatArray) -> tuple[float, float, bool]:
+    """Distance from a point to the axis of a segment, its speed towards it, and whether that is between its ends.
+
+    Fills in (3,) the direction.
+    """
+    _, _, share = nearest_points(at, at, segment[0], segment[1])
+    far, closing = 0.0, 0.0
+    for i in range(3):
+        way[i] = segment[0, i] + share * (segment[1, i] - segment[0, i]) - at[i]
+        far += way[i] * way[i]
+    far = max(np.sqrt(far), 1e-9)
+    for i in range(3):
+        way[i] /= far
+        closing += way[i] * rate[i]
+    return far, closing, 0.0 < share < 1.0
+
+
 LEAST_M_S = 0.03
-"""A slower motion towards somebody is none: parts of an arm that gives way as a whole turn so slowly."""
+"""A slower motion towards somebody is none while the arm gives way: parts of it turn so slowly."""
 
 
 @compiled
@@ -187,6 +285,7 @@ def path_bounds(
     zones_m: FloatArray,
     near_speed_m_s: float,
     jerk_m_s3: float,
+    least_m_s: float,
 ) -> FloatArray:
     """(K - 1, 1 + 4 S) of a path, for each time between two of K looks: what holds during all of it.
 
@@ -204,6 +303,7 @@ def path_bounds(
         zones_m: (S,) nearer than this, speed is limited ...
         near_speed_m_s: ... to this, and towards a segment to this less its own approach.
         jerk_m_s3: Greatest jerk of a point of the arm.
+        least_m_s: A slower motion towards a segment is none.
 
     Returns:
         Clearance to itself [m]; then of each segment the least clearance [m], that at the looks [m], by how much the
@@ -224,7 +324,7 @@ def path_bounds(
                 coming = max(approach[look, other], approach[look + 1, other])
                 to = max(toward[look, other], toward[look + 1, other])
                 bounds[look, place + 2] = max(0.0, fastest - near_speed_m_s)
-                bounds[look, place + 3] = max(0.0, to - max(0.0, near_speed_m_s - coming) - LEAST_M_S)
+                bounds[look, place + 3] = max(0.0, to - max(0.0, near_speed_m_s - coming) - least_m_s)
     return bounds
 
 
@@ -331,7 +431,7 @@ def nearest_rows(
                 ay = frame[1, 0] * x + frame[1, 1] * y + frame[1, 2] * z
                 az = frame[2, 0] * x + frame[2, 1] * y + frame[2, 2] * z
                 dx, dy, dz = here[0] - frame[0, 3], here[1] - frame[1, 3], here[2] - frame[2, 3]
-                rows[found, int(columns[joint])] = (
+                rows[found, int(columns[joint])] += (
                     away[0] * (ay * dz - az * dy) + away[1] * (az * dx - ax * dz) + away[2] * (ax * dy - ay * dx)
                 )
             clear[found], coming[found], which[found] = least, rate, other

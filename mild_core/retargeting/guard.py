@@ -24,7 +24,7 @@ import numpy as np
 
 from mild_core.retargeting.capsules import Capsules, capsules_of
 from mild_core.retargeting.chain import Chain, chain_of, nearest_points
-from mild_core.retargeting.clearance import BREACHES, evaluate_poses, find_breach, nearest_rows, path_bounds
+from mild_core.retargeting.clearance import BREACHES, LEAST_M_S, evaluate_poses, find_breach, nearest_rows, path_bounds
 from mild_core.retargeting.limiter import JointMotion, Limiter
 from mild_core.retargeting.obstacles import NOBODY, Obstacles
 from mild_core.retargeting.robot import RobotModel
@@ -104,27 +104,24 @@ class Guard:
     Attributes:
         robot: Whose motions.
         settings: How far and how fast.
+        reach_m: No point of the arm is ever further than this from its first joint.
     """
 
     robot: RobotModel
     settings: RetargetingSettings
     chain: Chain = field(init=False, repr=False)
     _capsules: Capsules = field(init=False, repr=False)
-    _levers_m: FloatArray = field(init=False, repr=False)
+    reach_m: float = field(init=False, repr=False)
     _jerk_m_s3: float = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         chain, capsules = chain_of(self.robot), capsules_of(self.robot)
         object.__setattr__(self, "chain", chain)
         object.__setattr__(self, "_capsules", capsules)
-        levers_m = levers(self.robot)
-        object.__setattr__(self, "_levers_m", levers_m)
-        object.__setattr__(self, "_jerk_m_s3", float(levers_m @ self.robot.jerk_rad_s3))
-
-    @property
-    def reach_m(self) -> float:
-        """No point of the arm is ever further than this from its first joint."""
-        return float(self._levers_m.max())
+        reaches_m, turns = reaches(self.robot), np.linalg.norm(chain.axes, axis=1)
+        object.__setattr__(self, "reach_m", float(reaches_m.max()))
+        jerk_rad_s3 = turns * self.robot.jerk_rad_s3[chain.columns.astype(int)]
+        object.__setattr__(self, "_jerk_m_s3", float(reaches_m @ jerk_rad_s3))
 
     def view(
         self,
@@ -134,6 +131,7 @@ class Guard:
         among: Obstacles,
         beyond_m: float,
         itself: bool = True,
+        around: bool = False,
     ) -> View:
         """What is seen of K poses (K, J) of a path that move at (K, J), K times after now.
 
@@ -143,6 +141,7 @@ class Guard:
             velocities_rad_s: How they move.
             among: Everyone.
             itself: Whether its clearance to itself matters.
+            around: Whether points all around the arm count towards somebody who comes, and not only the nearest.
             beyond_m: Rates are computed this far outside of the zones in which speed is limited, distances twice as
                 far.
         """
@@ -153,6 +152,7 @@ class Guard:
             *(capsules.mounted, capsules.ends_m, capsules.sizes_m, capsules.outer_m, capsules.pairs, capsules.moving),
             *(among.ends_m, among.velocities_m_s, among.radii_m, among.horizon_s),
             *(widest_m + 2.0 * beyond_m, among.zones_m + beyond_m, APART_M if itself else math.inf),
+            self.settings.near_speed_m_s if around else math.inf,
         )
         return View(own, *others)
 
@@ -167,7 +167,14 @@ class Guard:
         return self.view(np.zeros(1), position, velocity, among, UNPACED_M, itself=False)
 
     def check_motion(
-        self, limiter: Limiter, now: JointMotion, then: JointMotion, elapsed_s: float, here: View, among: Obstacles
+        self,
+        limiter: Limiter,
+        now: JointMotion,
+        then: JointMotion,
+        elapsed_s: float,
+        here: View,
+        among: Obstacles,
+        giving_way: bool = False,
     ) -> Verdict:
         """What is wrong with a motion and the stop that it would need.
 
@@ -178,6 +185,8 @@ class Guard:
             elapsed_s: ... after this time.
             here: What is seen of it now.
             among: Everyone.
+            giving_way: Whether it leads away from somebody: then what little parts of the arm that turn with it come
+                towards them is none.
         """
         stop_s = limiter.stop_duration_s(then)
         looks = max(2, math.ceil(elapsed_s / LOOK_S)) if elapsed_s > 1.5 * LOOK_S else 1
@@ -185,13 +194,13 @@ class Guard:
         if not len(among.people) or float((here.clear_m[0] - among.zones_m).min()) > FAR_M:
             after_s = elapsed_s + np.linspace(0.0, stop_s, 1 + FAR_LOOKS if stop_s else 1)
             times_s = np.concatenate([before_s, after_s])
-            verdict = self._check_path(limiter, now, then, elapsed_s, times_s, among, FAR_M)
+            verdict = self._check_path(limiter, now, then, elapsed_s, times_s, among, FAR_M, giving_way)
             # Wide looks find a collision with oneself where there is one, but may bound people too coarsely.
             if not verdict.refusal:
                 return verdict
         after_s = elapsed_s + np.linspace(0.0, stop_s, 1 + math.ceil(stop_s / LOOK_S))
         times_s = np.concatenate([before_s, after_s])
-        return self._check_path(limiter, now, then, elapsed_s, times_s, among, BETWEEN_M)
+        return self._check_path(limiter, now, then, elapsed_s, times_s, among, BETWEEN_M, giving_way)
 
     def _check_path(
         self,
@@ -202,13 +211,14 @@ class Guard:
         times_s: FloatArray,
         among: Obstacles,
         beyond_m: float,
+        giving_way: bool,
     ) -> Verdict:
-        bounds = self._bounds(times_s, *limiter.path(now, then, elapsed_s, times_s), among, beyond_m)
+        bounds = self._bounds(times_s, *limiter.path(now, then, elapsed_s, times_s), among, beyond_m, giving_way)
         nothing = np.empty((0, bounds.shape[1]))
         rule, segment = find_breach(bounds, nothing, among.keep_m, ROUNDING)
         if rule:
             stopped = limiter.path(now, limiter.stop(now, elapsed_s), elapsed_s, times_s)
-            least = self._bounds(times_s, *stopped, among, beyond_m)
+            least = self._bounds(times_s, *stopped, among, beyond_m, giving_way)
             rule, segment = find_breach(bounds, least, among.keep_m, ROUNDING)
         return Verdict(BREACHES[rule], segment) if rule else HARMLESS
 
@@ -219,11 +229,11 @@ class Guard:
         velocities_rad_s: FloatArray,
         among: Obstacles,
         beyond_m: float,
+        giving_way: bool,
     ) -> FloatArray:
-        seen = self.view(times_s, positions_rad, velocities_rad_s, among, beyond_m)
-        return path_bounds(
-            times_s, *seen, among.speeds_m_s, among.zones_m, self.settings.near_speed_m_s, self._jerk_m_s3
-        )
+        seen = self.view(times_s, positions_rad, velocities_rad_s, among, beyond_m, around=not giving_way)
+        limits = self.settings.near_speed_m_s, self._jerk_m_s3, LEAST_M_S if giving_way else 0.0
+        return path_bounds(times_s, *seen, among.speeds_m_s, among.zones_m, *limits)
 
     def push_out(self, point_m: FloatArray, among: Obstacles) -> tuple[FloatArray, int]:
         """(3,) the point, or the nearest one at which the robot's hand keeps out of what must not be touched.
@@ -301,16 +311,16 @@ class Guard:
         return float(seen.speed_m_s[0])
 
 
-def levers(robot: RobotModel) -> FloatArray:
-    """(J,) how far a point of the arm can be from the axis of each joint: the way along the chain to its end [m]."""
+def reaches(robot: RobotModel) -> FloatArray:
+    """(C,) how far a point of the arm can be from the axis of each joint of its chain: the way to its end [m]."""
     chain, capsules = chain_of(robot), capsules_of(robot)
-    found = np.zeros(len(robot.joint_names))
+    found = np.zeros(len(chain.columns))
     steps = np.linalg.norm(chain.offsets[:, :3, 3], axis=1)
-    for place, column in enumerate(chain.columns):
+    for place in range(len(found)):
         for part in capsules.moving.astype(int):
             frame = int(capsules.mounted[part])
             if frame <= place:
                 continue
             beyond = float(np.linalg.norm(capsules.ends_m[part], axis=1).max()) + capsules.outer_m[part]
-            found[int(column)] = max(found[int(column)], float(steps[place + 1 : frame].sum()) + beyond)
+            found[place] = max(found[place], float(steps[place + 1 : frame].sum()) + beyond)
     return found

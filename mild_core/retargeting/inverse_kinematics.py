@@ -19,9 +19,11 @@ from typing import Any
 import numpy as np
 
 from mild_core.errors import SetupError
+from mild_core.retargeting.chain import chain_of, mount_of
 from mild_core.retargeting.kinematics import read_tree
+from mild_core.retargeting.rigid_bodies import rigid_bodies
 from mild_core.retargeting.robot import RobotModel
-from mild_core.shapes import FloatArray
+from mild_core.shapes import FloatArray, read_only
 
 POSTURE_COST = 0.015
 """Metres that a radian away from the wanted posture is worth: what is left over for the posture decides where the
@@ -62,7 +64,7 @@ class InverseKinematics:
             it is from it: an arm that cannot reach shall not contort itself for the last centimetres.
 
     Raises:
-        SetupError: A library is not installed, the description has no such link, or a joint that turns without end.
+        SetupError: A library is not installed, or the description has no such link.
     """
 
     def __init__(self, robot: RobotModel, links: Sequence[str], margin_rad: float = 0.0, relent: float = 0.0) -> None:
@@ -71,17 +73,21 @@ class InverseKinematics:
             import pinocchio
         except ImportError as error:
             raise SetupError("inverse kinematics", f"a library is missing ({error})", "install pin and daqp") from error
-        tree = read_tree(robot.urdf_path)
+        tree, chain = read_tree(robot.urdf_path), chain_of(robot)
         for link in links:
             tree.chain(link, robot.base_link)  # says in one line what is wrong
-        self._base = tree.pose(robot.base_link, dict(robot.rest))
-        self._order, self._model = _reduced(pinocchio, robot)
-        self._lower, self._upper = (np.empty(len(self._order)) for _ in range(2))
-        self._lower[self._order], self._upper[self._order] = robot.lower_rad + margin_rad, robot.upper_rad - margin_rad
+        self._model = pinocchio.buildModelFromXML(rigid_bodies(robot, shapes=False))
+        self._spread, self._shift = _spread(self._model, robot)
+        self._lower, self._upper = robot.lower_rad + margin_rad, robot.upper_rad - margin_rad
+        self._frames = {}
+        for link in links:
+            mount = mount_of(robot, tree, link)
+            joint = self._model.getJointId(chain.names[mount.frame - 1]) if mount.frame else 0
+            frame = pinocchio.Frame(f"{link}, placed", joint, pinocchio.SE3(mount.pose), pinocchio.OP_FRAME)
+            self._frames[link] = self._model.addFrame(frame)
         self._data = self._model.createData()
-        self._frames = {link: self._model.getFrameId(link, pinocchio.BODY) for link in links}
         self._bodies, self._solve, self._relent = pinocchio, daqp.solve, relent
-        self._no_rows = np.zeros((0, len(self._order)))  # of constraints: there are bounds of the variables alone
+        self._no_rows = np.zeros((0, len(robot.joint_names)))  # of constraints: there are bounds alone
 
     def step(
         self, start_rad: FloatArray, reaches: Sequence[Reach], posture_rad: FloatArray, steps: int = 1
@@ -94,31 +100,25 @@ class InverseKinematics:
             posture_rad: (J,) where the joints would be if it were not for the targets.
             steps: How many; one is enough from a start that is some centimetres away.
         """
-        at, posture = np.empty(len(self._order)), np.empty(len(self._order))
-        at[self._order], posture[self._order] = start_rad, posture_rad
-        at = np.minimum(np.maximum(at, self._lower), self._upper)
-        places = [self._base[:3, :3] @ reach.point_m + self._base[:3, 3] for reach in reaches]
+        at: FloatArray = np.minimum(np.maximum(start_rad, self._lower), self._upper)
         for _ in range(steps):
-            hessian, gradient = self._program(at, reaches, places, posture)
+            hessian, gradient = self._program(at, reaches, posture_rad)
             moved, _, found, _ = self._solve(hessian, gradient, self._no_rows, self._upper - at, self._lower - at)
             if found != SOLVED:
                 break
             at = np.minimum(np.maximum(at + moved, self._lower), self._upper)
-        result: FloatArray = at[self._order]
-        return result
+        return at
 
-    def _program(
-        self, at: FloatArray, reaches: Sequence[Reach], places_m: Sequence[FloatArray], posture: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+    def _program(self, at: FloatArray, reaches: Sequence[Reach], posture: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(J, J) and (J,) of the quadratic program for the step from `at`: squares of what is left of every error."""
         bodies, model, data = self._bodies, self._model, self._data
-        bodies.computeJointJacobians(model, data, at)
+        bodies.computeJointJacobians(model, data, self._spread @ at + self._shift)
         rows, left = [], []
-        for reach, place_m in zip(reaches, places_m, strict=True):
+        for reach in reaches:
             frame = self._frames[reach.link]
-            left.append(reach.weight * (place_m - bodies.updateFramePlacement(model, data, frame).translation))
+            left.append(reach.weight * (reach.point_m - bodies.updateFramePlacement(model, data, frame).translation))
             rows.append(reach.weight * bodies.getFrameJacobian(model, data, frame, bodies.LOCAL_WORLD_ALIGNED)[:3])
-        jacobian, left_m = np.concatenate(rows), np.concatenate(left)
+        jacobian, left_m = np.concatenate(rows) @ self._spread, np.concatenate(left)
         square = float(left_m @ left_m)
         pull = POSTURE_COST**2 + self._relent * square
         hessian = jacobian.T @ jacobian + (pull + DAMPING * square) * np.eye(len(at))
@@ -172,25 +172,13 @@ class VelocityProgram:
         return solved
 
 
-def _reduced(pinocchio: Any, robot: RobotModel) -> tuple[list[int], Any]:
-    """Where each controlled joint is in Pinocchio's order, and its model of the robot with all others at rest.
-
-    Raises:
-        SetupError: A controlled joint is missing or turns without end.
-    """
-    whole = pinocchio.buildModelFromUrdf(str(robot.urdf_path))
-    at, rest = pinocchio.neutral(whole), dict(robot.rest)
-    held = []
-    for number, name in enumerate(whole.names):
-        if number == 0 or name in robot.joint_names:
-            continue
-        held.append(number)
-        if name in rest:
-            at[whole.joints[number].idx_q] = rest[name]
-    model = pinocchio.buildReducedModel(whole, held, at)
-    names = list(model.names)
-    for name in robot.joint_names:
-        if name not in names or model.joints[names.index(name)].nq != 1:
-            problem = f"'{name}' is no joint with one position that is a plain number"
-            raise SetupError(str(robot.urdf_path), problem, f"give a description of {robot.name}")
-    return [model.joints[names.index(name)].idx_q for name in robot.joint_names], model
+def _spread(model: Any, robot: RobotModel) -> tuple[FloatArray, FloatArray]:
+    """(Q, J) and (Q,) with which J commanded joints become the Q of Pinocchio's model, copies among them."""
+    joints = {joint.name: joint for joint in read_tree(robot.urdf_path).by_child.values()}
+    spread, shift = np.zeros((model.nq, len(robot.joint_names))), np.zeros(model.nq)
+    for number, name in enumerate(model.names):
+        if number:  # the first is the world
+            leader, ratio, offset = read_tree(robot.urdf_path).followed(joints[name])
+            row = model.joints[number].idx_q
+            spread[row, robot.joint_names.index(leader)], shift[row] = ratio, offset
+    return read_only(spread), read_only(shift)

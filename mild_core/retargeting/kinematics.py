@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from mild_core.errors import SetupError, unknown_name
 from mild_core.retargeting.robot import RobotModel
-from mild_core.retargeting.urdf import FIXED, SLIDING, Joint, read_joints
+from mild_core.retargeting.urdf import FIXED, LOOSE, SLIDING, Joint, read_joints
 from mild_core.shapes import FloatArray
 
 
@@ -31,14 +31,33 @@ class KinematicTree:
     root: str
     by_child: Mapping[str, Joint]
 
+    @property
+    def links(self) -> tuple[str, ...]:
+        """Names of all links."""
+        return (self.root, *self.by_child)
+
+    def notes(self) -> tuple[str, ...]:
+        """What is not as the description says, a line for each."""
+        joints = {joint.name: joint for joint in self.by_child.values()}
+        loose = [f"'{name}' ({joint.kind})" for name, joint in joints.items() if joint.kind in LOOSE]
+        lost = [f"'{name}'" for name, joint in joints.items() if joint.mimics and self.followed(joint)[0] == name]
+        return tuple(
+            f"{self.source}: {what} {', '.join(names[:10])}{' ...' * (len(names) > 10)}"
+            for what, names in (
+                ("what hangs on joints without a single position stays where they are at zero:", loose),
+                ("joints that copy one that is not there, or each other, stand at rest:", lost),
+            )
+            if names
+        )
+
     def chain(self, link: str, base: str = "") -> tuple[Joint, ...]:
         """The joints from `base` (the root if "") to `link`, in that order.
 
         Raises:
             SetupError: There is no such link, or `base` does not carry it.
         """
-        if link != self.root and link not in self.by_child:
-            raise unknown_name(f"link of {self.source}", link, (self.root, *self.by_child))
+        if link not in self.links:
+            raise unknown_name(f"link of {self.source}", link, self.links)
         joints: list[Joint] = []
         at, base = link, base or self.root
         while at != base:
@@ -47,6 +66,21 @@ class KinematicTree:
             joints.append(self.by_child[at])
             at = joints[-1].parent
         return tuple(reversed(joints))
+
+    def followed(self, joint: Joint) -> tuple[str, float, float]:
+        """Whose position a joint has, how often, and how much more: those of a joint that copies none are its own.
+
+        A joint that copies one that is not there, or itself in a circle, is taken to stand alone.
+        """
+        named = {each.name: each for each in self.by_child.values()} if joint.mimics else {}
+        at, multiplier, offset, passed = joint, 1.0, 0.0, {joint.name}
+        while at.mimics:
+            multiplier, offset = multiplier * at.multiplier, multiplier * at.offset + offset
+            if at.mimics not in named or at.mimics in passed:
+                return joint.name, 1.0, 0.0
+            at = named[at.mimics]
+            passed.add(at.name)
+        return at.name, multiplier, offset
 
     def pose(self, link: str, positions: Mapping[str, ArrayLike], base: str = "") -> FloatArray:
         """(..., 4, 4) pose of `link` in the frame of `base` (the root if "") [m].
@@ -63,24 +97,25 @@ class KinematicTree:
         for joint in self.chain(link, base):
             pose = pose @ joint.origin
             if joint.kind not in FIXED:
-                copied = positions.get(joint.mimics or joint.name, 0.0)
-                position = np.asarray(copied, dtype=np.float64) * joint.multiplier + joint.offset
-                pose = pose @ _moved(joint, position)
+                name, multiplier, offset = self.followed(joint)
+                copied = positions.get(name, 0.0)
+                position = np.asarray(copied, dtype=np.float64) * multiplier + offset
+                pose = pose @ moved(joint, position)
         return pose
 
 
-def _moved(joint: Joint, position: FloatArray) -> FloatArray:
+def moved(joint: Joint, position: FloatArray) -> FloatArray:
     """(..., 4, 4) motion of a joint at (...) positions. Source: Rodrigues' rotation formula."""
-    moved = np.zeros((*position.shape, 4, 4))
-    moved[..., range(4), range(4)] = 1.0
+    motion = np.zeros((*position.shape, 4, 4))
+    motion[..., range(4), range(4)] = 1.0
     if joint.kind in SLIDING:
-        moved[..., :3, 3] = position[..., None] * joint.axis
-        return moved
+        motion[..., :3, 3] = position[..., None] * joint.axis
+        return motion
     x, y, z = joint.axis
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     turned = np.sin(position)[..., None, None] * cross + (1.0 - np.cos(position))[..., None, None] * (cross @ cross)
-    moved[..., :3, :3] += turned
-    return moved
+    motion[..., :3, :3] += turned
+    return motion
 
 
 @lru_cache(maxsize=16)
@@ -91,23 +126,11 @@ def read_tree(path: Path) -> KinematicTree:
         SetupError: The file cannot be read as a URDF, or its joints do not form one tree.
     """
     joints = read_joints(path)
+    if not joints:
+        raise SetupError(str(path), "it has no joint", "give the description of a robot")
     by_child = {joint.child: joint for joint in joints}
-    roots = sorted({joint.parent for joint in joints} - set(by_child))
-    if len(by_child) != len(joints) or len({joint.name for joint in joints}) != len(joints) or len(roots) != 1:
-        raise SetupError(
-            str(path), f"its {len(joints)} joints form no tree (roots: {', '.join(roots)})", "mend the file"
-        )
-    children: dict[str, list[str]] = {}
-    for joint in joints:
-        children.setdefault(joint.parent, []).append(joint.child)
-    reached, waiting = 1, [roots[0]]
-    while waiting:
-        below = children.get(waiting.pop(), [])
-        reached += len(below)
-        waiting += below
-    if reached != len(joints) + 1:
-        raise SetupError(str(path), "some of its joints form a loop", "mend the file")
-    return KinematicTree(str(path), roots[0], by_child)
+    roots = {joint.parent for joint in joints} - set(by_child)
+    return KinematicTree(str(path), min(roots), by_child)
 
 
 def forward_kinematics(robot: RobotModel, positions_rad: ArrayLike, link: str) -> FloatArray:

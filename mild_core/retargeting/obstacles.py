@@ -161,6 +161,8 @@ def obstacles_of(
         for place_of, (person, part) in enumerate(zip(segments.people, segments.parts, strict=True)):
             if person == WATCHED_PERSON and part == own:
                 keep[place_of] = settings.keep_out_m
+    for array in (ends, radii, keep, zones):
+        array.flags.writeable = False  # they are nobody else's: `Obstacles` need not copy them
     return Obstacles(
         segments.people,
         segments.parts,

@@ -26,11 +26,15 @@ class RobotModel:
         jerk_rad_s3: (J,) largest jerks of a command.
         home_rad: (J,) where the arm waits.
         urdf_path: The robot description; its links have primitive shapes or a vendor's meshes.
+        notes: What people should know of how it was read, a line for each.
+        described_by: Where the description came from, as the user named it; "" for `urdf_path`.
         base_link: The frame that stands in the world: REP-103 axes, x forward.
         tool_link: The frame that meets the person's hand.
         rest: Positions [rad, or m of a sliding joint] of the joints that nothing commands, as (name, position).
         floor_m: Height of the floor in the base frame, where it is known; None takes it from the person's feet.
         on_table: Whether the robot stands on a table, which is drawn under it.
+        keeps_off_table: Whether the arm keeps out of that table. Recorded motions of our YuMi, which stood on another,
+            go through it.
         arm: How a person's arm becomes positions of the joints, where that is known in closed form.
         arm_links: Otherwise, for a robot that shall do as a person's arm does: its shoulder, a link whose origin
             stays where it is, and its elbow.
@@ -53,8 +57,21 @@ class RobotModel:
     rest: tuple[tuple[str, float], ...] = field(default=())
     floor_m: float | None = None
     on_table: bool = False
+    keeps_off_table: bool = False
     arm: FourJointArm | None = None
     arm_links: tuple[str, str] | None = None
+    notes: tuple[str, ...] = ()
+    described_by: str = ""
+
+    @property
+    def source(self) -> str:
+        """The description as messages name it."""
+        return self.described_by or str(self.urdf_path)
+
+    @property
+    def at_home(self) -> dict[str, float]:
+        """Positions of the joints by name: home and rest."""
+        return {**dict(self.rest), **dict(zip(self.joint_names, self.home_rad.tolist(), strict=True))}
 
     @property
     def follows_arms(self) -> bool:
@@ -66,9 +83,15 @@ class RobotModel:
         for name in ("lower_rad", "upper_rad", "home_rad", *limits):
             object.__setattr__(self, name, read_only(getattr(self, name)))
             require_shape(name, getattr(self, name), (len(self.joint_names),))
-        if not np.all(self.lower_rad < self.upper_rad) or any(np.any(getattr(self, name) <= 0) for name in limits):
-            raise ValueError(
-                f"robot {self.name}: a lower limit is not below its upper limit, or a limit is not positive"
-            )
-        if np.any(self.home_rad < self.lower_rad) or np.any(self.home_rad > self.upper_rad):
-            raise ValueError(f"robot {self.name}: home_rad lies outside the position limits")
+        for joint, lower, upper, home in zip(
+            self.joint_names, self.lower_rad.tolist(), self.upper_rad.tolist(), self.home_rad.tolist(), strict=True
+        ):
+            if not lower < upper:
+                raise ValueError(f"robot {self.name}: the limits of '{joint}' are {lower:g} to {upper:g}, not in order")
+            if not lower <= home <= upper:
+                problem = f"home_rad lies outside the limits of '{joint}': {home:g}, not within {lower:g} to {upper:g}"
+                raise ValueError(f"robot {self.name}: {problem}")
+        for name in limits:
+            if np.any(getattr(self, name) <= 0):
+                joint = self.joint_names[int(np.argmin(getattr(self, name)))]
+                raise ValueError(f"robot {self.name}: {name} of '{joint}' is not positive")

@@ -12,11 +12,14 @@
     acceleration_rad_s2 = 10.0                 # one for all joints, or one for each
     jerk_rad_s3 = 200.0
     floor_m = -0.8                             # height of the floor, where it is known
-    on_table = true                            # draws a table under the robot
+    on_table = true                            # a table under the robot: drawn, and kept out of
+    joint_limits = "joint_limits.yaml"         # of MoveIt or ros2_control, or a list of such files
     [rest]                                     # joints that nothing commands
     panda_finger_joint1 = 0.02
 
-Position and velocity limits are the description's; `lower_rad`, `upper_rad` and `velocity_rad_s` replace them.
+Position and velocity limits are the description's, soft ones where it has them; `lower_rad`, `upper_rad` and
+`velocity_rad_s` replace them. Limits of `joint_limits` count where they are narrower than all of these, and stand for
+`acceleration_rad_s2` and `jerk_rad_s3` where these are left out.
 """
 
 from __future__ import annotations
@@ -25,14 +28,18 @@ import math
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
+
 from mild_core.budgets import parse_toml, read_file
-from mild_core.errors import SetupError, unknown_name
+from mild_core.errors import SetupError, near, unknown_name
 from mild_core.fields import Fields
 from mild_core.retargeting.arm_following import LinkFollower
+from mild_core.retargeting.chain import chain_of
+from mild_core.retargeting.joint_limits import JointLimits, read_joint_limits
 from mild_core.retargeting.kinematics import read_tree
 from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.robots import ROBOTS
-from mild_core.retargeting.urdf import Joint
+from mild_core.retargeting.urdf import FIXED, Joint
 from mild_core.shapes import FloatArray, read_only
 
 SIZE_LIMIT = 100_000
@@ -42,7 +49,7 @@ REQUIRED = ("name", "description", "base_link", "tool_link", "joint_names", "hom
 LINKS = ("shoulder_link", "elbow_link")
 URDF_LIMITS = ("lower_rad", "upper_rad", "velocity_rad_s")
 OWN_LIMITS = ("acceleration_rad_s2", "jerk_rad_s3")
-KEYS = (*REQUIRED, *LINKS, *URDF_LIMITS, *OWN_LIMITS, "floor_m", "on_table", "rest")
+KEYS = (*REQUIRED, *LINKS, *URDF_LIMITS, *OWN_LIMITS, "joint_limits", "floor_m", "on_table", "rest")
 
 MOST_JOINTS, LARGEST = 32, 1e6
 
@@ -73,8 +80,9 @@ def read_robot(path: Path) -> RobotModel:
     except ValueError as error:
         raise SetupError(str(path), f"is no TOML: {error}", "see 'Add a robot' in the README") from None
     robot = _robot(path, Fields(str(path), "", values, "see 'Add a robot' in the README", SetupError))
+    chain_of(robot)  # both say in one line what does not fit
     if robot.arm_links is not None:
-        LinkFollower(robot)  # says in one line what does not fit
+        LinkFollower(robot)
     return robot
 
 
@@ -82,14 +90,31 @@ def _robot(path: Path, fields: Fields) -> RobotModel:
     fields.only(KEYS)
     names = fields.names("joint_names", MOST_JOINTS)
     urdf_path = path.parent / Path(fields.text("description")).expanduser()
-    joints = {joint.name: joint for joint in read_tree(urdf_path).by_child.values()}
+    tree = read_tree(urdf_path)
+    joints = {joint.name: joint for joint in tree.by_child.values()}
     for name in names:
         if name not in joints:
-            raise fields.wrong("joint_names", f"holds '{name}', which {urdf_path.name} has not")
+            raise fields.wrong("joint_names", f"holds '{name}', which {urdf_path.name} has not", near(name, joints))
+        if joints[name].kind in FIXED:
+            raise fields.wrong("joint_names", f"holds '{name}', which does not move: it is {joints[name].kind}")
+        if (leader := tree.followed(joints[name])[0]) != name:
+            raise fields.wrong("joint_names", f"holds '{name}', which copies '{leader}'", f"command '{leader}'")
+    links = tuple(fields.text(key) for key in LINKS) if set(LINKS) & set(fields.values) else None
+    for key in ("base_link", "tool_link", *(LINKS if links else ())):
+        if (link := fields.text(key)) not in tree.links:
+            raise fields.wrong(key, f"is '{link}', which {urdf_path.name} has not", near(link, tree.links))
     limits = _limits(fields, names, joints, urdf_path.name)
     rest = fields.object("rest") if "rest" in fields.values else fields.below("rest", {})
     rest.only(set(joints) - set(names))
-    links = tuple(fields.text(key) for key in LINKS) if set(LINKS) & set(fields.values) else None
+    on_table = fields.flag("on_table") if "on_table" in fields.values else False
+    notes = tree.notes()
+    if soft := [
+        name for name in names if joints[name].softened and not {"lower_rad", "upper_rad"} <= set(fields.values)
+    ]:
+        notes += (f"{urdf_path}: the soft limits of its safety controller hold for {', '.join(soft)}",)
+    if endless := [name for name in names if _endless(fields, joints[name])]:
+        what = "turn without end, and are kept within half a turn of zero; lower_rad and upper_rad say otherwise:"
+        notes += (f"{urdf_path}: joints that {what} {', '.join(endless)}",)
     try:
         return RobotModel(
             name=fields.text("name"),
@@ -97,31 +122,79 @@ def _robot(path: Path, fields: Fields) -> RobotModel:
             lower_rad=limits["lower_rad"],
             upper_rad=limits["upper_rad"],
             velocity_rad_s=limits["velocity_rad_s"],
-            acceleration_rad_s2=_per_joint(fields, "acceleration_rad_s2", len(names)),
-            jerk_rad_s3=_per_joint(fields, "jerk_rad_s3", len(names)),
+            acceleration_rad_s2=limits["acceleration_rad_s2"],
+            jerk_rad_s3=limits["jerk_rad_s3"],
             home_rad=read_only(fields.numbers("home_rad", len(names), -LARGEST, LARGEST)),
             urdf_path=urdf_path,
             base_link=fields.text("base_link"),
             tool_link=fields.text("tool_link"),
             rest=tuple((name, rest.number(name, -LARGEST, LARGEST)) for name in rest.values),
             floor_m=fields.number("floor_m", -10.0, 10.0) if "floor_m" in fields.values else None,
-            on_table=fields.flag("on_table") if "on_table" in fields.values else False,
+            on_table=on_table,
+            keeps_off_table=on_table,
             arm_links=None if links is None else (links[0], links[1]),
+            notes=notes,
         )
     except ValueError as error:
-        raise SetupError(str(path), str(error), fields.remedy) from None
+        which = f"; the soft limits of {urdf_path.name} hold" if soft and "outside" in str(error) else ""
+        raise SetupError(str(path), f"{error}{which}", fields.remedy) from None
 
 
 def _limits(fields: Fields, names: tuple[str, ...], joints: Mapping[str, Joint], source: str) -> dict[str, FloatArray]:
-    """Lower, upper and velocity limits: the file's, or else the description's."""
+    """All limits: the file's, or else the description's, or what is narrower in files of limits."""
+    written = _written(fields, names)
     limits: dict[str, FloatArray] = {}
-    for place, key in enumerate(URDF_LIMITS):
-        written = [joints[name].limits[place] for name in names]
-        if key not in fields.values and any(map(math.isnan, written)):
-            unlimited = names[[math.isnan(value) for value in written].index(True)]
-            raise fields.wrong(key, f"is missing, and {source} has none for '{unlimited}'")
-        limits[key] = _per_joint(fields, key, len(names)) if key in fields.values else read_only(written)
+    for place, key in enumerate((*URDF_LIMITS, *OWN_LIMITS)):
+        also = np.array([each[place] for each in written])
+        if key in fields.values:
+            found = _per_joint(fields, key, len(names))
+        elif key in URDF_LIMITS:
+            found = np.array([_described(fields, joints[name], place) for name in names])
+            unlimited = np.isnan(found) & ~np.isfinite(also)
+            if unlimited.any():
+                name = names[int(np.argmax(unlimited))]
+                raise fields.wrong(key, f"is missing, and {source} has none that '{name}' could move in")
+        else:
+            if not np.isfinite(also).all():
+                name = names[int(np.argmin(np.isfinite(also)))]
+                known = f", and joint_limits has none for '{name}'" if "joint_limits" in fields.values else ""
+                raise fields.wrong(key, f"is missing{known}")
+            found = also
+        limits[key] = read_only(np.fmax(found, also) if key == "lower_rad" else np.fmin(found, also))
     return limits
+
+
+def _written(fields: Fields, names: tuple[str, ...]) -> list[JointLimits]:
+    """What files of limits say of each joint: the narrowest."""
+    found = [JointLimits()] * len(names)
+    if "joint_limits" not in fields.values:
+        return found
+    several = isinstance(fields.take("joint_limits"), list)
+    folder = Path(fields.source).parent
+    for each in fields.names("joint_limits", MOST_JOINTS) if several else (fields.text("joint_limits"),):
+        path = folder / Path(each).expanduser()
+        read = read_joint_limits(path)
+        if not set(read) & set(names):
+            problem = f"names {path.name}, which has none of the joints"
+            raise fields.wrong("joint_limits", problem, f"it has {', '.join(list(read)[:10])}")
+        for place, name in enumerate(names):
+            one, other = found[place], read.get(name, JointLimits())
+            narrowest = map(min, one[1:], other[1:])
+            found[place] = JointLimits(max(one.lower, other.lower), *narrowest)
+    return found
+
+
+def _described(fields: Fields, joint: Joint, place: int) -> float:
+    """A limit in the description; half a turn to either side for a joint that turns without end."""
+    if place < 2 and _endless(fields, joint):
+        return (-math.pi, math.pi)[place]
+    return joint.limits[place]
+
+
+def _endless(fields: Fields, joint: Joint) -> bool:
+    """Whether a joint turns without end and the file leaves it at that."""
+    said = {"lower_rad", "upper_rad"} & set(fields.values)
+    return joint.kind == "continuous" and math.isnan(joint.limits[0]) and not said
 
 
 def _per_joint(fields: Fields, key: str, joints: int) -> FloatArray:

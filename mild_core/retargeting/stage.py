@@ -35,7 +35,7 @@ from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.retargeting.state import PAUSED_S, Request, RetargetingState
 from mild_core.retargeting.target import Plan, Pursuit
-from mild_core.retargeting.trajectory_stream import TrajectoryStream, limits_between_points, resumed
+from mild_core.retargeting.trajectory_stream import STAND_S, TrajectoryStream, limits_between_points, resumed
 from mild_core.retargeting.watchdog import after_gap, after_time_jump, known, with_ear
 from mild_core.retargeting.yielding import Yielding
 from mild_core.shapes import FloatArray, read_only
@@ -86,11 +86,14 @@ class Retargeting:
         settings: How.
         standing: Where people stand, and in which interactions hands touch; None when nobody knows: then no hand is
             met, and only people whom a calibrated camera sees are kept away from.
+        camera_measured: Whether the camera's pose is known, for whoever asks before anybody is seen; None when only
+            people will tell.
     """
 
     robot: RobotModel
     settings: RetargetingSettings = field(default_factory=RetargetingSettings)
     standing: Standing | None = None
+    camera_measured: bool | None = None
     _limiter: Limiter = field(init=False, repr=False)
     _slow: Limiter = field(init=False, repr=False)
     _guard: Guard = field(init=False, repr=False)
@@ -120,7 +123,8 @@ class Retargeting:
 
     def init(self) -> RetargetingState:
         """The state before the first input."""
-        return RetargetingState(mode=Mode.WAITING if self.settings.start_enabled else Mode.DISABLED)
+        state = RetargetingState(mode=Mode.WAITING if self.settings.start_enabled else Mode.DISABLED)
+        return replace(state, no_contact=self._no_contact(state, 0))
 
     def trajectory_stream(self) -> TrajectoryStream:
         """Makes messages for a controller of trajectories from the commands; for settings with `execution_delay_s`."""
@@ -161,6 +165,8 @@ class Retargeting:
             return replace(state, commanded_ns=None), ()
         if state.commanded_ns is None and motion.resting and state.joints.disagree(now_ns):
             return state, ()  # nobody knows where the first command would have to begin
+        if state.commanded_ns is None:
+            state = replace(state, begun_ns=now_ns)
         elapsed_s = 0.0 if state.commanded_ns is None else (now_ns - state.commanded_ns) * 1e-9
         if self.settings.execution_delay_s:
             if elapsed_s > self.settings.max_gap_s:
@@ -178,8 +184,10 @@ class Retargeting:
         state = with_ear(with_rest(state, self.settings, now_ns), self.settings, now_ns)
         state = with_start(state, self.settings, self._guard.chain.offsets[0][:3, 3], now_ns)
         state = self._in_next_mode(state, motion, now_ns)
+        stands_ns = round(STAND_S * 1e9) if self.settings.execution_delay_s else 0
         try:
-            state, motion = self._advanced(state, motion, among, here, now_ns, elapsed_s)
+            if not 0 <= now_ns - state.begun_ns < stands_ns:
+                state, motion = self._advanced(state, motion, among, here, now_ns, elapsed_s)
         except NoPlanError:
             motion = JointMotion.at_rest(motion.position_rad)
             state = state.counted("no_plan")
@@ -216,16 +224,15 @@ class Retargeting:
         return replace(state, mode=mode, plan=plan, holding_since_ns=now_ns)
 
     def _no_contact(self, state: RetargetingState, now_ns: int) -> str:
-        """Why the watched hand is not touched, or should not be; "" when it may be, or when there is none."""
+        """Why hands do not meet, or should not, whether somebody is there or not; "" when they may."""
         crowd = state.crowd
-        if crowd is None or not person_present(state, self.settings, now_ns):
-            return ""
-        unmeasured = crowd.frame_id == ARM_FRAME
-        if self._contact is None:
+        unmeasured = self.camera_measured is False if crowd is None else crowd.frame_id == ARM_FRAME
+        if self._contact is None or self.standing is None or not self.standing.by_interaction:
             return UNMEASURED if unmeasured else ""
         if unmeasured and not self.settings.allow_unmeasured_contact:
             return f"no contact: {UNMEASURED}"
-        if not crowd.watched_parts >= NEEDED_PARTS:
+        present = crowd is not None and person_present(state, self.settings, now_ns)
+        if present and crowd is not None and not crowd.watched_parts >= NEEDED_PARTS:
             return f"no contact: {UNKNOWN_BODY}"
         return ASSUMED if unmeasured else ""
 
@@ -286,7 +293,7 @@ class Retargeting:
             return state, self._limiter.stop(motion, elapsed_s)
         if wanted.resting and wanted.position_rad == motion.position_rad:
             return state, wanted
-        taken, verdict = self._harmless(motion, wanted, among, here, elapsed_s)
+        taken, verdict = self._harmless(motion, wanted, among, here, elapsed_s, retreat is not None)
         refusal = verdict.refusal
         if refusal and among.is_bystander(verdict.segment):
             state = _paused(state, now_ns)
@@ -318,7 +325,13 @@ class Retargeting:
         return moved
 
     def _harmless(
-        self, motion: JointMotion, wanted: JointMotion, among: Obstacles, here: View, elapsed_s: float
+        self,
+        motion: JointMotion,
+        wanted: JointMotion,
+        among: Obstacles,
+        here: View,
+        elapsed_s: float,
+        giving_way: bool,
     ) -> tuple[JointMotion, Verdict]:
         """As much of a step as is harmless, from none, which is a stop; and why not all of it.
 
@@ -327,7 +340,7 @@ class Retargeting:
         """
 
         def checked(tried: JointMotion) -> Verdict:
-            return self._guard.check_motion(self._limiter, motion, tried, elapsed_s, here, among)
+            return self._guard.check_motion(self._limiter, motion, tried, elapsed_s, here, among, giving_way)
 
         verdict = checked(wanted)
         if not verdict.refusal:
@@ -397,7 +410,9 @@ class Retargeting:
         if state.crowd is None:
             return NOBODY
         hand_m = self._hand(state, now_ns)
-        return obstacles_of(state.crowd, self.settings, self.standing, state.place_m, hand_m, now_ns)
+        among = obstacles_of(state.crowd, self.settings, self.standing, state.place_m, hand_m, now_ns)
+        # A hand that may not be touched anyway is not offered: it makes the arm give way as it comes.
+        return among if among.offered < 0 or self._may_touch(state) else replace(among, offered=-1)
 
     def _homeward(self, motion: JointMotion, elapsed_s: float) -> JointMotion:
         """A step of the slow way home, or of a stop while the arm is quicker than that way can bear.

@@ -43,6 +43,7 @@ class RetargetingState:
         held: Whether the operator holds the robot.
         motion: The newest command with its acceleration; None before the first measurement.
         commanded_ns: When that command was sent; None before the first.
+        begun_ns: When the first command was sent since the robot was last given free.
         pending: With `execution_delay_s`: times [ns] and positions of the commands that are not yet carried out, and of
             the one that was carried out last, oldest first.
         plan: The newest usable motion; None when there is nothing to follow.
@@ -83,6 +84,7 @@ class RetargetingState:
     held: bool = False
     motion: JointMotion | None = None
     commanded_ns: int | None = None
+    begun_ns: int = 0
     pending: tuple[tuple[int, Joints], ...] = ()
     plan: Plan | None = None
     had_plan: bool = False

@@ -13,6 +13,10 @@ agree around t as long as the messages between them (lost ones, and ones that we
 late) span at most `FREE_S`. When this process is late by more than `COVERED_GAP_S`, the robot
 is already carrying out the stop of the last message, and the stage goes on from there: see `resumed`.
 
+A stream begins with one point at rest, `STAND_S` ahead, and the commands stand still until then. What the controller
+holds before may be elsewhere than where the robot says it is: a robot sags, or was switched off and moved. Up to a
+point in the future a controller interpolates by itself, from what it holds; meanwhile it is sent nothing.
+
 The points are the commands themselves. Between points a controller interpolates with cubic polynomials. Where the jerk
 of the commands changes between two points, the acceleration of the cubic exceeds theirs by at most
 4/27 * jerk * period (the error of a best linear fit to a kinked acceleration). `limits_between_points` leaves room.
@@ -51,6 +55,10 @@ FREE_S = SPARE_S - CONTROLLER_PERIOD_S
 
 COVERED_GAP_S = 0.025
 """After a longer time without a command the robot is taken to have begun the stop in the last message."""
+
+STAND_S = 0.5
+"""How long the commands of a new stream stand still. After latency 0.4 s are left: a controller that holds the robot
+0.3 rad away from where it is needs 11 rad/s^2 on the way, and twice that in its first period."""
 
 PAST_S = 0.03
 """So much of the past is in each message: the clock of the controller may be behind ours by this."""
@@ -117,11 +125,13 @@ class TrajectoryState:
         times_ns: Of the commands, oldest first; each is carried out `execution_delay_s` later.
         motions: The commands.
         sent_ns: When the newest message was made; None before the first.
+        stands_until_ns: When the controller has to be where the stream begins; None from then on.
     """
 
     times_ns: tuple[int, ...] = ()
     motions: tuple[JointMotion, ...] = ()
     sent_ns: int | None = None
+    stands_until_ns: int | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +158,18 @@ class TrajectoryStream:
         self, state: TrajectoryState, motion: JointMotion, now_ns: int
     ) -> tuple[TrajectoryState, Trajectory | None]:
         """Promise a command that was made now; returns the message that is due, or None."""
-        state = self._trimmed(self._promised(state, motion, now_ns), now_ns)
+        if state.stands_until_ns is not None:
+            left_ns, start, begin_ns = state.stands_until_ns - now_ns, state.motions[0], state.times_ns[0]
+            if left_ns > 0 and _stands(motion, start) and left_ns <= STAND_S * 1e9:
+                if now_ns > begin_ns:
+                    state = replace(state, times_ns=(begin_ns, now_ns), motions=(start, start))
+                return state, None
+            # If it moves too soon, or time goes back, the stream begins anew.
+            state = replace(state, stands_until_ns=None) if left_ns <= 0 else TrajectoryState()
+        state = self._promised(state, motion, now_ns)
+        if state.stands_until_ns is not None:
+            return replace(state, sent_ns=now_ns), self._message(state)
+        state = self._trimmed(state, now_ns)
         if state.sent_ns is not None and 0 <= now_ns - state.sent_ns < MESSAGE_PERIOD_S * 1e9:
             return state, None
         return replace(state, sent_ns=now_ns), self._message(state)
@@ -187,8 +208,12 @@ class TrajectoryStream:
 
     def _start(self, motion: JointMotion, now_ns: int) -> TrajectoryState:
         """A new stream: the robot stands where it is until the first command is carried out."""
+        at_rest = JointMotion.at_rest(motion.position_rad)
+        if motion.resting:
+            stands_until_ns = now_ns + _ns(STAND_S)
+            return TrajectoryState((stands_until_ns - _ns(self.delay_s),), (at_rest,), None, stands_until_ns)
         first_ns = min(max(now_ns - _ns(PAST_S), 1), now_ns + 1) - _ns(self.delay_s)
-        return TrajectoryState((first_ns, now_ns), (JointMotion.at_rest(motion.position_rad), motion))
+        return TrajectoryState((first_ns, now_ns), (at_rest, motion))
 
     def _bridges(self, ways_rad: list[float]) -> bool:
         """Whether cubics get from rest to rest in `FREE_S` inside the limits.
@@ -244,6 +269,11 @@ class TrajectoryStream:
             positions_rad=read_only(np.array([motions[index].position_rad for index in kept])),
             velocities_rad_s=read_only(np.array([motions[index].velocity_rad_s for index in kept])),
         )
+
+
+def _stands(motion: JointMotion, start: JointMotion) -> bool:
+    """Whether a command is at rest where the stream began."""
+    return motion.resting and motion.position_rad == start.position_rad
 
 
 def _same(motions: tuple[JointMotion, ...]) -> bool:

@@ -8,14 +8,17 @@ not expect. So every description is examined here first, whoever wants it, withi
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeVar
 from xml.etree import ElementTree
+from xml.parsers import expat
 
 import numpy as np
 
+from mild_core.budgets import read_file
 from mild_core.errors import SetupError
 from mild_core.printable import printable
 from mild_core.shapes import FloatArray, read_only
@@ -33,8 +36,21 @@ NAME_LIMIT = 200
 LARGEST_M, HEAVIEST_KG, LARGEST_KG_M2 = 100.0, 1e5, 1e7
 """Of a part of a robot."""
 
-TURNING, SLIDING, FIXED = ("revolute", "continuous"), ("prismatic",), ("fixed",)
-"""The kinds of joints that can be computed; `floating` and `planar` ones have no single position."""
+ROUNDING_KG_M2 = 1e-9
+"""An inertia that is below zero by less is what a program that wrote it has rounded."""
+
+TURNING, SLIDING = ("revolute", "continuous"), ("prismatic",)
+LOOSE = ("floating", "planar")
+"""Kinds of joints without a single position: what they carry is taken to stay where the file puts it."""
+
+FIXED = ("fixed", *LOOSE)
+"""The kinds that do not move."""
+
+MACRO = re.compile(r"\$[{(]")
+"""In a value: what xacro puts something in place of."""
+
+WIDE, DECLARED = (b"\xff\xfe", b"\xfe\xff"), re.compile(rb"""\s*<\?xml[^>]*encoding=["']([^"']*)["'][^>]*\?>""")
+"""How a file of two bytes per character begins; the line in which a file declares its encoding."""
 
 SHAPES = {"box": (("size", 3),), "cylinder": (("radius", 1), ("length", 1)), "sphere": (("radius", 1),)}
 """Primitive shapes, and how many numbers each of their sizes has."""
@@ -56,7 +72,10 @@ class Joint:
         mimics: Name of the joint that this one copies, or "".
         multiplier: Position per position of the copied joint.
         offset: Position when the copied joint is at 0 [rad or m].
-        limits: Smallest and largest position and largest speed [rad or m, and per s]; NaN where the file has none.
+        limits: Smallest and largest position and largest speed [rad or m, and per s]; NaN where the file has none that
+            a joint could move in. Where the robot's own safety controller keeps narrower ones, these.
+        softened: Whether it keeps narrower ones.
+        effort: Largest torque or force [N m or N]; 0 where the file has none.
     """
 
     name: str
@@ -69,6 +88,8 @@ class Joint:
     multiplier: float = 1.0
     offset: float = 0.0
     limits: tuple[float, float, float] = (math.nan, math.nan, math.nan)
+    softened: bool = False
+    effort: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,8 +127,29 @@ class _Refusing(ElementTree.TreeBuilder):
         self._depth -= 1
         return super().end(tag)
 
-    def doctype(self, name: str, pubid: str, system: str) -> None:
+
+def _parsed(text: bytes) -> ElementTree.Element:
+    """The elements of a description, whatever prefixes their names have: `<drake:joint>` needs no declaration."""
+    building, parser = _Refusing(), expat.ParserCreate()
+
+    def refuse(*_: object) -> None:
         raise ValueError("it declares a document type")
+
+    parser.StartDoctypeDeclHandler = refuse
+    parser.StartElementHandler, parser.EndElementHandler = building.start, building.end
+    parser.Parse(text, True)
+    return building.close()
+
+
+def _in_utf_8(text: bytes) -> bytes:
+    """The same; a file that is not what it claims, or claims nothing, is taken for Latin-1, as old editors write."""
+    try:
+        text.decode()
+    except UnicodeDecodeError:
+        declared = DECLARED.match(text[:200])
+        if not text.startswith(WIDE) and (declared is None or declared[1].lower() in (b"utf-8", b"us-ascii")):
+            return text[declared.end() if declared else 0 :].decode("latin-1").encode()
+    return text
 
 
 def read_joints(path: Path) -> tuple[Joint, ...]:
@@ -142,23 +184,27 @@ def read_description(path: Path) -> ElementTree.Element:
 
 
 def _read(path: Path, read: Callable[[ElementTree.Element], Parts]) -> Parts:
+    text = read_file(path, SIZE_LIMIT, "give the path of a URDF file")
     try:
-        if path.exists() and not path.is_file():
-            raise SetupError(str(path), "is no regular file", "give the path of a URDF file")
-        with path.open("rb") as file:
-            text = file.read(SIZE_LIMIT + 1)
-    except OSError as error:
-        raise SetupError(str(path), f"cannot be read ({error.strerror})", "give the path of a URDF file") from error
-    try:
-        if len(text) > SIZE_LIMIT:
-            raise ValueError(f"it is larger than {SIZE_LIMIT // 1_000_000} MB")
-        root = ElementTree.fromstring(text, parser=ElementTree.XMLParser(target=_Refusing()))
+        root = _parsed(_in_utf_8(text))
         if root.tag != "robot":
             raise ValueError(f"its root is <{root.tag}>, not <robot>")
+        _refuse_macros(path, root)
         _examine(root)
         return read(root)
-    except (ValueError, ElementTree.ParseError, LookupError) as error:
+    except (ValueError, expat.ExpatError, LookupError) as error:
         raise SetupError(str(path), f"is no robot description: {error}", "give a valid URDF file") from error
+
+
+def _refuse_macros(path: Path, root: ElementTree.Element) -> None:
+    """Raise SetupError for a file of macros, from which a description has yet to be made."""
+    for element in root.iter():
+        if element.tag.startswith("xacro:") or any(MACRO.search(value) for value in element.attrib.values()):
+            raise SetupError(
+                str(path),
+                f"is xacro, not URDF yet: <{element.tag}>",
+                f"give what 'xacro {path.name} > robot.urdf' makes of it",
+            )
 
 
 def _examine(root: ElementTree.Element) -> None:
@@ -172,23 +218,38 @@ def _examine(root: ElementTree.Element) -> None:
         name = element.get("name", "")
         if not name or len(name) > NAME_LIMIT or not name.isprintable():
             raise ValueError(f"a {element.tag} is called '{printable(name, 60)}'")
-    names = {link.get("name", "") for link in links}
-    if len(names) != len(links):
-        raise ValueError("two links have one name")
-    for element in (*parts, *joints):
-        _finite(element.find("origin"), "xyz", 3, LARGEST_M)
-        _finite(element.find("origin"), "rpy", 3, 1e6)
+    for element in (*links, *joints):
+        try:
+            _examine_numbers(element)
+        except ValueError as error:
+            raise ValueError(f"{element.tag} '{element.get('name')}': {error}") from None
+    _examine_tree(_distinct("link", links), joints)
+
+
+def _distinct(what: str, elements: list[ElementTree.Element]) -> set[str]:
+    """Their names. Raises ValueError where two have the same."""
+    names: set[str] = set()
+    for element in elements:
+        if (name := element.get("name", "")) in names:
+            raise ValueError(f"two {what}s are called '{name}': two of one name")
+        names.add(name)
+    return names
+
+
+def _examine_numbers(element: ElementTree.Element) -> None:
+    """Raise ValueError for numbers of a link or a joint that none has."""
+    parts = [part for tag in ("visual", "collision", "inertial") for part in element.findall(tag)]
+    for placed in (*parts, element):
+        _finite(placed.find("origin"), "xyz", 3, LARGEST_M)
+        _finite(placed.find("origin"), "rpy", 3, 1e6)
     for part in parts:
         _examine_shape(part.find("geometry"))
-    for inertial in [found for link in links if (found := link.find("inertial")) is not None]:
-        _finite(inertial.find("origin"), "xyz", 3, LARGEST_M)
-        _finite(inertial.find("origin"), "rpy", 3, 1e6)
+    for inertial in element.findall("inertial"):
         _finite(inertial.find("mass"), "value", 1, HEAVIEST_KG, 0.0)
         for place in ("ixx", "iyy", "izz"):
-            _finite(inertial.find("inertia"), place, 1, LARGEST_KG_M2, 0.0)
+            _finite(inertial.find("inertia"), place, 1, LARGEST_KG_M2, -ROUNDING_KG_M2)
         for place in ("ixy", "ixz", "iyz"):
             _finite(inertial.find("inertia"), place, 1, LARGEST_KG_M2)
-    _examine_tree(names, joints)
 
 
 def _examine_shape(geometry: ElementTree.Element | None) -> None:
@@ -207,6 +268,7 @@ def _examine_shape(geometry: ElementTree.Element | None) -> None:
 def _examine_tree(links: set[str], joints: list[ElementTree.Element]) -> None:
     """Raise ValueError unless the links hang together, none too far from the first."""
     parents: dict[str, str] = {}
+    _distinct("joint", joints)
     for joint in joints:
         ends = [found.get("link", "") for tag in ("parent", "child") if (found := joint.find(tag)) is not None]
         if len(ends) != 2 or not all(ends):
@@ -214,6 +276,8 @@ def _examine_tree(links: set[str], joints: list[ElementTree.Element]) -> None:
         for end in ends:
             if end not in links:
                 raise ValueError(f"joint '{joint.get('name')}' names a link '{end}' that it does not have")
+        if ends[1] in parents:
+            raise ValueError(f"link '{ends[1]}' hangs on two joints, so it is no tree")
         parents[ends[1]] = ends[0]
     alone = sorted(links - parents.keys() - set(parents.values()))
     if alone and len(links) > 1:
@@ -224,6 +288,9 @@ def _examine_tree(links: set[str], joints: list[ElementTree.Element]) -> None:
             depth, at = depth + 1, parents[at]
             if depth > CHAIN_LIMIT:
                 raise ValueError(f"from '{link}' on, joints form a loop or a chain of more than {CHAIN_LIMIT}")
+    roots = sorted(links - parents.keys())
+    if len(roots) != 1:
+        raise ValueError(f"its links form no tree: {', '.join(roots[:5]) or 'each'} hang on nothing")
 
 
 def _finite(
@@ -242,10 +309,11 @@ def _solids(link: ElementTree.Element, tag: str) -> Iterator[Solid]:
             if shape is None:
                 continue
             size = tuple(number for name, count in sizes for number in _numbers(shape, name, (0.0,) * count))
-            yield Solid(link.get("name", ""), kind, size, read_only(_pose(element.find("origin"))))
+            yield Solid(link.get("name", ""), kind, size, read_only(pose_of(element.find("origin"))))
 
 
-def _pose(origin: ElementTree.Element | None) -> FloatArray:
+def pose_of(origin: ElementTree.Element | None) -> FloatArray:
+    """(4, 4) what an `<origin>` says [m]; none says nothing."""
     pose = np.eye(4)
     pose[:3, :3] = rotation_from_rpy(*_numbers(origin, "rpy", (0.0, 0.0, 0.0)))
     pose[:3, 3] = _numbers(origin, "xyz", (0.0, 0.0, 0.0))
@@ -255,24 +323,48 @@ def _pose(origin: ElementTree.Element | None) -> FloatArray:
 def _joint(element: ElementTree.Element) -> Joint:
     name, kind = element.get("name", ""), element.get("type", "")
     if not name or kind not in TURNING + SLIDING + FIXED:
-        raise ValueError(f"joint '{name}' of type '{kind}' cannot be computed")
-    origin, axis, mimic, limit = (element.find(tag) for tag in ("origin", "axis", "mimic", "limit"))
+        raise ValueError(f"joint '{name}' of type '{printable(kind, 60)}' cannot be computed")
+    origin, axis, mimic = (element.find(tag) for tag in ("origin", "axis", "mimic"))
     direction = np.array(_numbers(axis, "xyz", (1.0, 0.0, 0.0)))
     length = float(np.linalg.norm(direction))
     if kind not in FIXED and length < 1e-6:
         raise ValueError(f"joint '{name}' has no axis")
+    limits, softened = _limits(element, kind)
     return Joint(
         name=name,
         kind=kind,
         parent=_link(element, name, "parent"),
         child=_link(element, name, "child"),
-        origin=read_only(_pose(origin)),
+        origin=read_only(pose_of(origin)),
         axis=read_only(direction / max(length, 1e-6)),
         mimics="" if mimic is None else mimic.get("joint", ""),
         multiplier=_numbers(mimic, "multiplier", (1.0,))[0],
         offset=_numbers(mimic, "offset", (0.0,))[0],
-        limits=(_limit(limit, "lower"), _limit(limit, "upper"), _limit(limit, "velocity")),
+        limits=limits,
+        softened=softened,
+        effort=max(0.0, _numbers(element.find("limit"), "effort", (0.0,))[0]),
     )
+
+
+def _limits(element: ElementTree.Element, kind: str) -> tuple[tuple[float, float, float], bool]:
+    """Smallest and largest position and largest speed, NaN for what is not given or leaves no room; whether soft ones.
+
+    Exporters write 0 where they know nothing. Soft limits count where they are narrower.
+    Source: http://wiki.ros.org/pr2_controller_manager/safety_limits
+    """
+    limit, soft = element.find("limit"), element.find("safety_controller")
+    lower, upper, velocity = (_limit(limit, name) for name in ("lower", "upper", "velocity"))
+    if kind == "continuous":
+        lower, upper = math.nan, math.nan
+    elif limit is not None:  # the specification: 0 where one of both is left out
+        lower, upper = (0.0 if math.isnan(value) else value for value in (lower, upper))
+        if lower == upper:
+            lower, upper = math.nan, math.nan
+    softest = _limit(soft, "soft_lower_limit"), _limit(soft, "soft_upper_limit")
+    narrowed = float(np.fmax(lower, softest[0])), float(np.fmin(upper, softest[1]))
+    softened = softest[0] < softest[1] and not narrowed[0] >= narrowed[1] and narrowed != (lower, upper)
+    lower, upper = narrowed if softened else (lower, upper)
+    return (lower, upper, velocity if velocity > 0.0 else math.nan), softened
 
 
 def _link(element: ElementTree.Element, joint: str, tag: str) -> str:

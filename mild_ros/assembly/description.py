@@ -8,6 +8,7 @@ against collisions of the robot with itself, which wants primitive shapes, our o
 
 from __future__ import annotations
 
+import codecs
 import copy
 import hashlib
 import os
@@ -64,10 +65,10 @@ class _Meshes:
             raise SetupError(str(file), problem, "give coarser meshes, or a description without")
 
 
-def prepared(path: Path, robot: RobotModel) -> Prepared:
+def prepared(path: Path, robot: RobotModel, source: str) -> Prepared:
     """The description at `path`, which `read_tree` has read before, for a robot with its own description.
 
-    What has to be changed is changed in a copy.
+    What has to be changed is changed in a copy. Messages name it as `source`.
     """
     root, own = read_description(path), read_description(robot.urdf_path)
     ours = {} if path == robot.urdf_path else {link.get("name", ""): link for link in own.findall("link")}
@@ -84,10 +85,20 @@ def prepared(path: Path, robot: RobotModel) -> Prepared:
         names = sorted({name.split("://")[-1].split("/")[0] for name in meshes.missing})
         drawn = f"as our own {robot.name} is" if ours else "not at all"
         what = f"{len(meshes.missing)} meshes of {', '.join(names)} are not here"
-        note = f"{path}: {what}: those parts are drawn {drawn}; source the workspace that has them"
-    if not (meshes.changed or added):
+        note = f"{source}: {what}: those parts are drawn {drawn}; source the workspace that has them"
+    if not (meshes.changed or added) and _is_plain(path):
         return Prepared(path, note)
     return Prepared(temporary(ElementTree.tostring(root, encoding="unicode")), note)
+
+
+def _is_plain(path: Path) -> bool:
+    """Whether a file is written in UTF-8 and does not begin with a mark, as programs expect it."""
+    content = path.read_bytes()
+    try:
+        content.decode()
+    except UnicodeDecodeError:
+        return False
+    return not content.startswith(codecs.BOM_UTF8)
 
 
 def temporary(text: str) -> Path:
@@ -139,9 +150,10 @@ def _found(name: str, near: Path) -> Path | None:
 
 def _folders(package: str, near: Path) -> Iterator[Path]:
     """Where a package may be, installed or in the source tree around the description."""
-    from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
+    # Not there, nothing is installed, or no name at all; PackageNotFoundError is a LookupError.
+    with suppress(ImportError, LookupError, OSError, ValueError):
+        from ament_index_python.packages import get_package_share_directory
 
-    with suppress(PackageNotFoundError, OSError, ValueError):  # not there, nothing is installed, or no name at all
         yield Path(get_package_share_directory(package))
     for folder in (near, *near.parents):
         yield from (folder, folder.parent / package) if folder.name == package else (folder / package,)

@@ -18,4 +18,5 @@ def make_pipeline(parameters: PipelineParameters, model: MildModel) -> Pipeline:
         SetupError: One of them cannot be made, or the model moves other joints than the robot has.
     """
     perception = make_perception(parameters, model.manifest)
-    return Pipeline(perception, make_inference(parameters, model), make_retargeting(parameters, model.manifest))
+    retargeting = make_retargeting(parameters, model.manifest, bool(parameters.robot_from_camera))
+    return Pipeline(perception, make_inference(parameters, model), retargeting)

@@ -22,8 +22,15 @@ HANGING_M = ((0.0, 0.0, 0.0), (0.0, 0.0, -0.3), (0.0, 0.0, -0.6))
 """A partner's arm for a first mapping."""
 
 
-def make_retargeting(parameters: RetargetingParameters, manifest: Manifest) -> Retargeting:
+def make_retargeting(
+    parameters: RetargetingParameters, manifest: Manifest, camera_measured: bool | None = None
+) -> Retargeting:
     """Retargeting of what a model moves to a robot.
+
+    Args:
+        parameters: Of retargeting.
+        manifest: Of the model.
+        camera_measured: Whether the camera's pose is known; None where another process knows.
 
     Raises:
         SetupError: There is no such robot or description, or the robot cannot do what the model moves.
@@ -57,7 +64,7 @@ def make_retargeting(parameters: RetargetingParameters, manifest: Manifest) -> R
     there = manifest.robot_from_human
     standing = Standing(there.translation_m, there.yaw_rad, there.by_interaction)
     _compile(robot, settings, standing, manifest.controlled.kind == "human_arm")
-    return Retargeting(robot, settings, standing)
+    return Retargeting(robot, settings, standing, camera_measured)
 
 
 def _compile(robot: RobotModel, settings: RetargetingSettings, standing: Standing, arms: bool) -> None:

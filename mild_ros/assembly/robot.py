@@ -7,18 +7,23 @@ import logging
 from dataclasses import replace
 from pathlib import Path
 
-from mild_core.errors import SetupError
+import numpy as np
+
+from mild_core.errors import SetupError, near
 from mild_core.inference.manifest import ControlledAgent
 from mild_core.printable import printable_lines
-from mild_core.retargeting.kinematics import read_tree
+from mild_core.retargeting.chain import chain_of
+from mild_core.retargeting.kinematics import KinematicTree, read_tree
 from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.robot_file import find_robot
 from mild_core.signals import ARM_JOINTS
 from mild_ros.assembly.description import prepared, temporary
-from mild_ros.assembly.trial_load import try_load
 
 TOPIC = "topic:"
 """Before the name of a topic in place of a path."""
+
+ROUNDED_RAD = 0.01
+"""Home may lie this far outside of limits that a description has rounded."""
 
 PATIENCE_S = 10.0
 """How long to wait for a description: its publisher keeps it for late comers."""
@@ -31,23 +36,59 @@ def make_robot(given: str, description: str = "") -> RobotModel:
         SetupError: There is no such robot, no such description, or the two do not belong together.
     """
     robot = find_robot(given)
-    path = robot.urdf_path
+    path, source = robot.urdf_path, robot.source
     if description.startswith(TOPIC):
         path = temporary(_from_topic(description.removeprefix(TOPIC)))
+        source = description
     elif description:
         path = Path(description).expanduser()
+        source = str(path)
         if not path.is_file():
             remedy = f"give the path of a URDF or {TOPIC}<name>"
             raise SetupError("parameter robot_description", f"no file {path}", remedy)
-    missing = sorted(set(robot.joint_names) - {joint.name for joint in read_tree(path).by_child.values()})
+    try:
+        tree = read_tree(path)
+    except SetupError as error:  # a copy of what came by topic is not what the user knows
+        raise SetupError(source, error.problem, error.remedy) from None
+    missing = sorted(set(robot.joint_names) - {joint.name for joint in tree.by_child.values()})
     if missing:
-        raise SetupError(str(path), f"it has no joint {', '.join(missing)}", f"give a description of {robot.name}")
-    found = prepared(path, robot)
-    read_tree(found.path).chain(robot.tool_link, robot.base_link)
-    try_load(found.path, "pinocchio")
-    if found.note:
-        logging.getLogger(__name__).warning("%s", printable_lines(found.note))
-    return robot if found.path == robot.urdf_path else replace(robot, urdf_path=found.path)
+        raise SetupError(source, f"it has no joint {', '.join(missing)}", f"give a description of {robot.name}")
+    found = prepared(path, robot, source)
+    whole = read_tree(found.path)
+    for link, role in ((robot.base_link, "the base"), (robot.tool_link, "the hand")):
+        if link not in whole.links:
+            problem = f"it has no link '{link}', which is {role} of {robot.name}"
+            known = f"its first link is '{whole.root}'" if link == robot.base_link else near(link, whole.links)
+            remedy = f"{known}: name it so there, or write a robot file that names what is there"
+            raise SetupError(source, problem, remedy)
+    notes = robot.notes
+    if path != robot.urdf_path:
+        robot, notes = _narrowed(replace(robot, described_by=source), tree), replace(tree, source=source).notes()
+    robot = robot if found.path == robot.urdf_path else replace(robot, urdf_path=found.path, described_by=source)
+    chain_of(robot)  # says in one line what does not fit
+    for note in (*notes, found.note):
+        if note:
+            logging.getLogger(__name__).warning("%s", printable_lines(note))
+    return robot
+
+
+def _narrowed(robot: RobotModel, tree: KinematicTree) -> RobotModel:
+    """The robot with the limits of a description that was put in the place of its own, where they are narrower."""
+    joints = {joint.name: joint for joint in tree.by_child.values()}
+    theirs = np.array([joints[name].limits for name in robot.joint_names])
+    lower, upper = np.fmax(robot.lower_rad, theirs[:, 0]), np.fmin(robot.upper_rad, theirs[:, 1])
+    home = np.clip(robot.home_rad, lower, upper)
+    home = np.where(np.abs(home - robot.home_rad) < ROUNDED_RAD, home, robot.home_rad)
+    try:
+        return replace(
+            robot,
+            lower_rad=lower,
+            upper_rad=upper,
+            velocity_rad_s=np.fmin(robot.velocity_rad_s, theirs[:, 2]),
+            home_rad=home,
+        )
+    except ValueError as error:
+        raise SetupError(robot.source, str(error), f"give a description of {robot.name}") from None
 
 
 def check_fit(model: str, controlled: ControlledAgent, robot: RobotModel) -> None:

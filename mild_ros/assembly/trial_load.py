@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A description is first loaded in a child process: native libraries die of some, and that must not end a node.
+"""A description is first loaded in a child process: PyBullet dies of some, and that must not end a node.
 
-The child has a bounded memory and time. That a library refuses a description is no death: it says why itself, later. A
+The child has a bounded memory and time. That PyBullet refuses a description is no death: it says why itself, later. A
 description that was loaded once, meshes included, is not tried again; our own are known.
 """
 
@@ -14,55 +14,87 @@ import signal
 import subprocess
 import sys
 import tempfile
+from collections.abc import Collection
 from contextlib import suppress
 from pathlib import Path
 
 from mild_core.errors import SetupError
+from mild_core.retargeting.rigid_bodies import rigid_bodies
+from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.robots import ROBOTS
 from mild_core.retargeting.urdf import read_description
+from mild_ros.assembly.description import temporary
 from mild_ros.assembly.private import private_folder
 
 MEMORY_BYTES, PROCESSOR_S, PATIENCE_S = 4_000_000_000, 30, 60.0
 """What a child may use. A large humanoid with meshes takes 0.5 GB and 3 s."""
 
-LIBRARIES = ("pinocchio", "pybullet")
+
+def survivable(robot: RobotModel, others: Collection[str] = ()) -> Path:
+    """A description of what moves of a robot, that PyBullet survives; see `rigid_bodies`.
+
+    Raises:
+        SetupError: It does not survive it, for the meshes that the robot's own description names.
+    """
+    path = temporary(rigid_bodies(robot, others))
+    if all(robot.urdf_path != known.urdf_path for known in ROBOTS.values()):
+        try_load(path, robot.source)
+    return path
 
 
-def try_load(path: Path, library: str) -> None:
-    """Make sure that a library survives the description at `path`, which `read_description` has examined.
-
-    Args:
-        path: Of the description, its meshes found.
-        library: One of `LIBRARIES`.
+def try_window() -> None:
+    """Make sure that PyBullet opens a window: where it cannot, it ends the process.
 
     Raises:
         SetupError: It does not.
     """
-    if any(path == robot.urdf_path for robot in ROBOTS.values()):
-        return
+    done = _child("window")
+    if done is None or done.returncode:
+        display = os.environ.get("DISPLAY", "")
+        there = f"the display '{display}' (DISPLAY) cannot be used" if display else "there is no display (DISPLAY)"
+        raise SetupError("parameter gui", f"PyBullet opens no window: {there}", "run without gui, or on a desktop")
+
+
+def try_load(path: Path, source: str) -> None:
+    """Make sure that PyBullet survives the description at `path`, which `read_description` has examined.
+
+    Args:
+        path: Of the description, its meshes found.
+        source: The description as messages name it.
+
+    Raises:
+        SetupError: It does not.
+    """
     marks = private_folder() / "survived"
     marks.mkdir(mode=0o700, exist_ok=True)
-    mark = marks / f"{library}-{_digest(path)}"
+    mark = marks / f"pybullet-{_digest(path)}"
     if mark.exists():
         return
-    command = [sys.executable, "-P", "-m", "mild_ros.assembly.trial_load", library, str(path.resolve())]
-    root = str(Path(__file__).parents[2])
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH"))))}
-    try:
-        done = subprocess.run(
-            command, env=environment, cwd=tempfile.gettempdir(), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
-            stdin=subprocess.DEVNULL, timeout=PATIENCE_S, check=False,
-        )  # fmt: skip
-    except subprocess.TimeoutExpired:
-        raise SetupError(str(path), f"{library} does not finish loading it", "simplify its meshes and shapes") from None
+    done = _child(str(path.resolve()))
+    if done is None:
+        raise SetupError(source, "PyBullet does not finish loading it", "simplify its meshes and shapes")
     if done.returncode == 0:
         mark.touch()
         return
     with suppress(ValueError):
         how = f"dies of it ({signal.Signals(-done.returncode).name})"
-        raise SetupError(str(path), f"{library} {how}", "give a description that it can load")
+        raise SetupError(source, f"PyBullet {how}", "give a description that it can load")
     last = (done.stderr.decode(errors="replace").strip().splitlines() or [f"exit code {done.returncode}"])[-1]
-    raise SetupError(str(path), f"{library} cannot survive it ({last})", "give a description that it can load")
+    raise SetupError(source, f"PyBullet cannot survive it ({last})", "give a description that it can load")
+
+
+def _child(given: str) -> subprocess.CompletedProcess[bytes] | None:
+    """What became of a child; None if it had to be ended."""
+    command = [sys.executable, "-P", "-m", "mild_ros.assembly.trial_load", given]
+    root = str(Path(__file__).parents[2])
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH"))))}
+    try:
+        return subprocess.run(
+            command, env=environment, cwd=tempfile.gettempdir(), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+            stdin=subprocess.DEVNULL, timeout=PATIENCE_S, check=False,
+        )  # fmt: skip
+    except subprocess.TimeoutExpired:
+        return None
 
 
 def _digest(path: Path) -> str:
@@ -77,20 +109,17 @@ def _digest(path: Path) -> str:
     return digest.hexdigest()
 
 
-def load(library: str, path: Path) -> None:
-    """Load it, in this process."""
-    if library == "pinocchio":
-        import pinocchio
-
-        pinocchio.buildModelFromUrdf(str(path))
-        return
+def load(path: str) -> None:
+    """Load it in this process, or open a window for "window"."""
     from mild_ros.simulation.bullet import load_pybullet
 
     bullet = load_pybullet()
-    client = bullet.connect(bullet.DIRECT)
-    body = bullet.loadURDF(
-        str(path), useFixedBase=True, flags=bullet.URDF_USE_INERTIA_FROM_FILE, physicsClientId=client
-    )
+    client = bullet.connect(bullet.GUI if path == "window" else bullet.DIRECT)
+    if path == "window":
+        if client < 0:
+            raise SystemExit(1)
+        return
+    body = bullet.loadURDF(path, useFixedBase=True, flags=bullet.URDF_USE_INERTIA_FROM_FILE, physicsClientId=client)
     for number in range(bullet.getNumJoints(body, physicsClientId=client)):
         bullet.getJointInfo(body, number, physicsClientId=client)
     for _ in range(10):
@@ -104,7 +133,7 @@ def main() -> int:
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
     resource.setrlimit(resource.RLIMIT_CPU, (PROCESSOR_S, PROCESSOR_S))
     try:
-        load(sys.argv[1], Path(sys.argv[2]))
+        load(sys.argv[1])
     except MemoryError:
         print(f"it needs more than {MEMORY_BYTES / 1e9:g} GB", file=sys.stderr)
         return 1

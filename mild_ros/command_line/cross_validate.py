@@ -120,12 +120,14 @@ def _require_trials(request: Request) -> tuple[Demonstration, ...]:
         DatasetError: They cannot.
     """
     from mild_core.learning.folds import require_folds
+    from mild_core.learning.trial_validity import require_valid
     from mild_core.learning.windows import require_windows
 
     trials = request.recording.read(request.path).train
     require_folds(trials, request.recording.interactions)
     for protocol in request.protocols:
         require_windows(trials, request.recording.protocols[protocol])
+    require_valid(trials)
     return trials
 
 

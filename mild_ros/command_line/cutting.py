@@ -11,14 +11,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mild_core.errors import BagError
+from mild_core.errors import BagError, SetupError
 from mild_core.perception.calibration import Calibration
 from mild_core.retargeting.robot_file import find_robot
 from mild_core.shapes import FloatArray
+from mild_ros.bag_clock import Clock, judge_clock
 from mild_ros.bags import BagReader, open_bag
 from mild_ros.demonstrations.labels import TOPIC, BagLabels, cleaned, for_all, label_each, spans_said
 from mild_ros.demonstrations.settings import SAME, CutParameters, DemonstrationSettings
-from mild_ros.demonstrations.streams import Clock, Streams, judge_clock, read_streams
+from mild_ros.demonstrations.streams import Streams, read_streams
 from mild_ros.demonstrations.tracks import ArmTrack, Sightings, follow, joints_on_grid, on_grid, perception_of
 from mild_ros.joint_naming import joint_naming
 
@@ -77,11 +78,36 @@ def rest_to_rest(parameters: CutParameters) -> RestToRest:
     return RestToRest(**{name: getattr(parameters, name) for name in RestToRest.__dataclass_fields__})
 
 
-def cut_bag(path: Path, settings: DemonstrationSettings, salvage: bool, on_message: Callable[[], None]) -> CutBag:
+def bag_names(paths: Sequence[Path]) -> list[str]:
+    """What to call each of these bags: its own name, with those of folders above it where others share it.
+
+    Raises:
+        SetupError: One bag is there twice.
+    """
+    places = [path.resolve() if path.name in ("", "..") else path.absolute() for path in paths]
+    twice = [str(path) for path, count in Counter(path.resolve() for path in paths).items() if count > 1]
+    if twice:
+        raise SetupError(f"bag {twice[0]}", "is given twice", "give each bag once: its trials would count twice")
+    parts = [(*place.parts[1:-1], place.stem if place.is_file() else place.name) for place in places]
+    names = [""] * len(parts)
+    for depth in range(1, max(map(len, parts), default=0) + 1):
+        shared = Counter(part[-depth:] for part in parts)
+        for index, part in enumerate(parts):
+            if not names[index] and shared[part[-depth:]] == 1:
+                names[index] = "_".join(part[-depth:])
+    if len(set(names)) < len(names) or not all(names):
+        return [f"{name}_{index + 1}" for index, name in enumerate(names)]
+    return names
+
+
+def cut_bag(
+    path: Path, name: str, settings: DemonstrationSettings, salvage: bool, on_message: Callable[[], None]
+) -> CutBag:
     """Read a bag and cut it.
 
     Args:
         path: The bag.
+        name: What pictures, trials and labels call it.
         settings: How.
         salvage: Read what is readable of a broken one.
         on_message: Called for each message, for progress.
@@ -93,7 +119,7 @@ def cut_bag(path: Path, settings: DemonstrationSettings, salvage: bool, on_messa
     from mild_core.learning.segmentation import cut_at_rest
 
     with open_bag(path, salvage=salvage) as bag:
-        streams = read_streams(bag, settings, on_message)
+        streams = read_streams(bag, name, settings, on_message)
         notes = [f"{count} messages: {reason}" for reason, count in sorted(streams.unreadable.items()) if count]
         if bag.lost:
             notes.append(bag.lost)
@@ -104,9 +130,9 @@ def cut_bag(path: Path, settings: DemonstrationSettings, salvage: bool, on_messa
         cut = cut_at_rest(watched.arm_m, others, times_s, rest_to_rest(settings.cut))
         if not cut.found_rest:
             raise BagError(str(path), "the person's hand never rests in it", "raise slow_m_s or near_m in [cut]")
-        movements = _labelled(bag, settings, streams, cut, times_s)
+        movements = _labelled(bag, name, settings, streams, cut, times_s)
     calibrations = tuple(track.calibration for track in tracks if track.calibration is not None)
-    return CutBag(path.stem, times_s, watched.arm_m, others, cut, movements, calibrations, tuple(notes))
+    return CutBag(name, times_s, watched.arm_m, others, cut, movements, calibrations, tuple(notes))
 
 
 def _tracks(bag: BagReader, settings: DemonstrationSettings, streams: Streams, notes: list[str]) -> list[ArmTrack]:
@@ -160,10 +186,9 @@ def _others(
 
 
 def _labelled(
-    bag: BagReader, settings: DemonstrationSettings, streams: Streams, cut: Cut, times_s: FloatArray
+    bag: BagReader, name: str, settings: DemonstrationSettings, streams: Streams, cut: Cut, times_s: FloatArray
 ) -> tuple[Movement, ...]:
     """Every movement with what it shows."""
-    name = bag.path.stem
     possible = [segment for segment in cut.segments if not segment.fault]
     spans = [(float(times_s[one.onset]), float(times_s[one.back - 1])) for one in possible]
     labels = settings.labels.get(name) or _said(settings, streams, bag.start_ns)

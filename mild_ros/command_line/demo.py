@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated
 
@@ -29,19 +30,26 @@ def demo(
 
         mild demo --scene hand_wave
     """
+    import_module("rclpy")  # where ROS is missing, that is said before the rest is loaded
+    from mild_ros.assembly.arguments import check_parameters
+    from mild_ros.assembly.perception import skeleton_source
     from mild_ros.bag_camera import keep_camera, with_camera
-    from mild_ros.command_line.results import leave, run_with_progress, tell
-    from mild_ros.demo import RunOptions
     from mild_ros.scenes import SCENES
     from mild_ros.settings import PipelineParameters
     from mild_ros.share import share_folder
+    from mild_ros.stillness import counts_of, has_moved, why_still
 
     scenes = sorted(each.name for each in SCENES)
     if scene not in scenes:
         raise unknown_name("scene", scene, scenes)
-    out.mkdir(parents=True, exist_ok=True)
     bag, console = share_folder("bags") / scene, Console()
-    options = RunOptions(with_camera(PipelineParameters(model=model, interaction=interaction), bag))
+    parameters = with_camera(PipelineParameters(model=model, interaction=interaction), bag)
+    check_parameters(parameters)
+    out.mkdir(parents=True, exist_ok=True)
+    from mild_ros.command_line.results import leave, run_with_progress, tell
+    from mild_ros.demo import RunOptions
+
+    options = RunOptions(parameters)
     title = f"{scene.replace('_', ' ').capitalize()}: a person and a simulated YuMi"
     recorded = run_with_progress(bag, out, options, console)
     keep_camera(recorded, options.pipeline)
@@ -51,3 +59,6 @@ def demo(
         raise SetupError("demo", "the robot was sent no command", f"see {out / 'log'}")
     if not shown.report.limits.kept:
         raise SetupError("demo", "a command broke a limit", "please report it with the recorded bag")
+    if not has_moved(shown.run.commands):
+        why, remedy = why_still(shown.run, skeleton_source(options.pipeline), counts_of(shown.run))
+        raise SetupError("demo", f"the robot never moved: {why}", remedy)

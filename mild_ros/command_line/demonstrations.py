@@ -123,26 +123,23 @@ def _cut_all(paths: list[Path], settings: DemonstrationSettings, salvage: bool) 
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     from mild_ros.bags import open_bag
-    from mild_ros.command_line.cutting import cut_bag
+    from mild_ros.command_line.cutting import bag_names, cut_bag
     from mild_ros.demonstrations.streams import Streams, readers
 
-    twice = [name for name, count in Counter(path.stem for path in paths).items() if count > 1]
-    if twice:
-        raise SetupError(f"bag {twice[0]}", "there are two of that name", "rename one: trials and labels go by it")
-    totals = []
+    names, totals = bag_names(paths), []
     # A bag that lacks a topic is told of before an hour of reading. Each is closed again, as one that is converted or
     # salvaged lies on the disk once more while it is open.
-    for path in paths:
+    for path, name in zip(paths, names, strict=True):
         with open_bag(path, salvage=salvage) as bag:
-            totals.append(sum(bag.topics[topic].count for topic in readers(bag, settings, Streams())))
+            totals.append(sum(bag.topics[topic].count for topic in readers(bag, name, settings, Streams())))
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
     cut = []
     console = Console(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("reading", total=sum(totals))
-        for path in paths:
-            progress.update(task, description=printable(f"cutting {path.stem}", 80))
-            cut.append(cut_bag(path, settings, salvage, lambda: progress.advance(task)))
+        for path, name in zip(paths, names, strict=True):
+            progress.update(task, description=printable(f"cutting {name}", 80))
+            cut.append(cut_bag(path, name, settings, salvage, lambda: progress.advance(task)))
     return cut
 
 

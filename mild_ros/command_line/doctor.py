@@ -38,14 +38,16 @@ def doctor(
     """
     console = Console(highlight=False)
     findings = []
-    for examination in examinations(machines=machines):
-        finding = examination()
-        findings.append(finding)
-        if not as_json:
-            mark = ("✓", "green") if finding.well else ("✗", "red")
-            console.print(Text.assemble(mark, f" {printable_lines(f'{finding.subject}: {finding.seen}')}"))
-            if not finding.well:
-                console.print(f"    {finding.remedy}", style="bold")
+    with examinations(machines=machines) as asked:
+        for examination in asked:
+            finding = examination()
+            findings.append(finding)
+            if not as_json:
+                mark = ("✓", "green") if finding.well else ("✗", "red")
+                told = Text.assemble(mark, f" {printable_lines(f'{finding.subject}: {finding.seen}')}")
+                console.print(told, soft_wrap=True)
+                if not finding.well:
+                    console.print(f"    {finding.remedy}", style="bold", soft_wrap=True)
     if as_json:
         print(json.dumps([asdict(finding) for finding in findings], indent=1))
     if not all(finding.well for finding in findings):

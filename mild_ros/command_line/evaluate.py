@@ -117,7 +117,8 @@ def evaluate(
     JSON: `recognised` at 0.5, 1, 2 and 3 s after the onset (hand 6 cm from rest) and `active`: shares of predictions
     that are `right`, `wrong`, `offered`, `none` or `resting`, and how often the `likeliest` interaction is the right
     one; `named_at_rest`: share of people for whom something was named before; `starts_per_minute`: how often the robot
-    begins to answer, and `made_way_per_minute`: how often it moves otherwise, away from people; `accepted_frames`: below 0.9 the figures are not `valid`.
+    begins to answer, and `made_way_per_minute`: how often it moves otherwise, away from people;
+    `accepted_frames`: below 0.9 the figures are not `valid`.
 
     Errors are squared differences of joint angles averaged over joints and window [rad²]; of two people squared
     distances of the partner's joints [m²]; "macro" is the mean over the interactions. JSON: `macro.mse`,

@@ -4,10 +4,12 @@
 from __future__ import annotations
 
 import errno
+import os
 import sys
 from collections.abc import Callable, Sequence
 from functools import wraps
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import typer
@@ -24,11 +26,14 @@ COMMANDS = {
     "models": "The models here: what they learned from, how good they are.",
     "doctor": "Checks this machine's Python, ROS 2 and network and says what to do.",
     "run": "Starts a node, as `ros2 run` does.",
+    "launch": "Starts all nodes of a live, simulated or replayed system, as `ros2 launch` does.",
     "record": "Records topics into a bag.",
     "status": "One screen of what runs: nodes, mode, rates, latency and alarms.",
     "hold": "Stops every robot smoothly at once, until it is released.",
     "enable": "Lets robots follow, or with --off stops them and sends no more commands.",
     "reset": "Forgets the person; the robot stops smoothly and goes home.",
+    "pause": "Stops a replay that runs, or with --off lets it go on.",
+    "label": "Says which interaction begins now, for a recording to learn from.",
     "faults": "Does to real nodes all that may go wrong around them, and judges what the robot does.",
     "data": "Recordings to learn from: what there is, under which licence, and how to get it.",
     "measure": "Runs the benches behind the figures that README and docs print.",
@@ -42,7 +47,16 @@ COMMANDS = {
 The text is what `mild --help` says of it.
 """
 
-MODULES = {"record": "run", "status": "operate", "hold": "operate", "enable": "operate", "reset": "operate"}
+MODULES = {
+    "launch": "run",
+    "record": "run",
+    "pause": "operate",
+    "label": "operate",
+    "status": "operate",
+    "hold": "operate",
+    "enable": "operate",
+    "reset": "operate",
+}
 """Commands that share a module with others."""
 
 LOCAL = ("demo", "replay", "faults")
@@ -76,6 +90,7 @@ def _in_one_line(command: Callable[..., Any]) -> Callable[..., None]:
     @wraps(command)
     def told(*arguments: object, **options: object) -> None:
         try:
+            _check_writable(options.get("out"))
             command(*arguments, **options)
         except MildError as error:
             _say(str(error))
@@ -94,6 +109,24 @@ def _in_one_line(command: Callable[..., Any]) -> Callable[..., None]:
         raise typer.Exit(EXIT_SET_UP)
 
     return told
+
+
+def _check_writable(out: object) -> None:
+    """Make sure, before a command begins, that what is to be written finds a folder.
+
+    Args:
+        out: What was given as `--out`: a folder or a file, there or not.
+
+    Raises:
+        SetupError: It does not.
+    """
+    if not isinstance(out, Path):
+        return
+    place = next(folder for folder in (out.absolute(), *out.absolute().parents) if folder.exists())
+    if place.is_file() and place != out.absolute():
+        raise SetupError(f"--out {out}", f"{place} is no folder", "choose another place")
+    if not os.access(place, os.W_OK):
+        raise SetupError(f"--out {out}", f"{place} cannot be written", "choose a folder of yours")
 
 
 def _not_imported() -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mild status`, `hold`, `enable` and `reset`: what an operator does to running nodes."""
+"""`mild status`, `hold`, `enable`, `reset`, `pause` and `label`: what an operator does to running nodes."""
 
 from __future__ import annotations
 
@@ -91,6 +91,33 @@ def reset(namespace: Namespace = "") -> None:
     mild reset
     """
     _call("reset", namespace, None)
+
+
+def pause(off: Annotated[bool, typer.Option("--off", help="Let it go on.")] = False, namespace: Namespace = "") -> None:
+    """Stops a replay that runs, or with `--off` lets it go on; one with `paused:=true` begins so.
+
+    mild pause
+
+    mild pause --off
+    """
+    _call("pause", namespace, not off)
+
+
+def label(
+    text: Annotated[str, typer.Argument(metavar="NAME", help="Of the interaction.")],
+    topic: Annotated[str, typer.Option(metavar="TOPIC", help="Where it is said.")] = "/label",
+) -> None:
+    """Says which interaction begins now, while bags to learn from are recorded.
+
+        mild label handshake
+
+    Waits until somebody listens, such as `mild record`. Then: `mild demonstrations --label topic:/label`.
+    """
+    from mild_ros.operator_client import operator_client
+
+    with operator_client() as client:
+        listeners = client.say(topic, text)
+    Console(highlight=False).print(f"{topic}: '{text}' to {listeners}")
 
 
 def _call(name: str, namespace: str, data: bool | None) -> None:

@@ -26,7 +26,9 @@ Bag = Annotated[Path | None, typer.Argument(metavar="[BAG]", help="Any bag with 
 Topic = Annotated[str, typer.Option(help="Topic of the skeletons [default: found by its type].")]
 Dataset = Annotated[str, typer.Option(help="A dataset instead of a bag.")]
 Trial = Annotated[int, typer.Option(min=0, help="With --dataset: which of its training trials.")]
-Data = Annotated[Path | None, typer.Option(metavar="FILE", help="The dataset's file [default: $MILD_DATA/<its name>].")]
+Data = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="The dataset's file [default: `$MILD_DATA/<its file>`].")
+]
 Dds = Annotated[bool, typer.Option("--dds", help="Run the real nodes and the simulation.")]
 LockStep = Annotated[bool, typer.Option("--lock-step", help="With nodes: as fast as each message is handled.")]
 Start = Annotated[float, typer.Option(metavar="S", min=0.0, help="Skip so many seconds of the bag.")]

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from functools import partial
+from collections.abc import Mapping
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -72,30 +73,50 @@ def replay(
 
         mild replay --dataset nuisi --trial 0 --model nuisi_partner_next -p robot:=pepper
     """
+    from mild_ros.assembly.arguments import check_parameters
+    from mild_ros.assembly.perception import skeleton_source
     from mild_ros.bag_camera import keep_camera, with_camera
-    from mild_ros.command_line.results import leave, run_with_progress, tell, tell_lost
-    from mild_ros.demo import RunOptions
+    from mild_ros.command_line.lost import check_source, tell_lost
     from mild_ros.parameter_files import read_parameters
     from mild_ros.settings import PipelineParameters
+    from mild_ros.stillness import counts_of, has_moved, why_still
 
     if (bag is None) == (not dataset):
         raise SetupError("replay", "nothing to do" if bag is None else "both a bag and a dataset", "give one of them")
     nodes = dds or lock_step or bool(dataset)
     _check_possible(rate=rate != 1.0 and (lock_step or not nodes), loop=loop and not nodes, paused=paused and not nodes)
     named = {"model": model, "interaction": interaction, "source": source}
+    if nodes:
+        import_module("rclpy")  # where ROS is missing, that is said before the rest is loaded
     parameters = read_parameters(PipelineParameters, "pipeline", config, given or (), **named)
+    check_parameters(parameters)
     console = Console()
+    if bag:
+        tell_lost(bag, salvage, console)
+    # Only now, as it takes its time to load: what draws and simulates.
+    from mild_ros.command_line.results import leave, run_with_progress, tell
+    from mild_ros.demo import RunOptions
+
     folder = out or Path("out/replay") / (bag.resolve().stem if bag else f"{dataset}_{trial}")
     with tempfile.TemporaryDirectory(prefix="mild_trial_") as scratch:
         title = bag.resolve().name if bag else _write_trial(dataset, data, trial, Path(scratch, "trial"), parameters)
         bag = bag or Path(scratch, "trial")
         parameters = with_camera(parameters, bag, given or ())
         asked = RunOptions(parameters, topic, lock_step, salvage, start, rate, loop)
-        tell_lost(bag, salvage, console)
-        by_nodes = partial(run_with_progress, paused=paused)
-        recorded = (by_nodes if nodes else _in_process)(bag, folder, asked, console)
+        check_source(bag, salvage, skeleton_source(parameters), topic)
+        counts: Mapping[str, Mapping[str, int]] = {}
+        detail = ""
+        if nodes:
+            recorded = run_with_progress(bag, folder, asked, console, paused=paused)
+        else:
+            recorded, counts, detail = _in_process(bag, folder, asked, console)
     keep_camera(recorded, parameters)
-    tell(leave(recorded, folder, asked, title, console), title, console)
+    shown = leave(recorded, folder, asked, title, console)
+    tell(shown, title, console)
+    if not has_moved(shown.run.commands):
+        counts = counts or counts_of(shown.run)
+        why, remedy = why_still(shown.run, skeleton_source(parameters), counts, detail)
+        raise SetupError("replay", f"the robot never moved: {why}", remedy)
 
 
 def _check_possible(**refused: bool) -> None:
@@ -129,15 +150,17 @@ def _write_trial(dataset: str, data: Path | None, trial: int, folder: Path, para
     return f"{dataset}, trial {trial}: {found.interaction.replace('_', ' ')}"
 
 
-def _in_process(bag: Path, folder: Path, asked: RunOptions, console: Console) -> Path:
-    """Replay without DDS; returns the bag that it writes."""
+def _in_process(
+    bag: Path, folder: Path, asked: RunOptions, console: Console
+) -> tuple[Path, Mapping[str, Mapping[str, int]], str]:
+    """Replay without DDS; returns the bag that it writes, what was counted, and perception's newest complaint."""
     from mild_core.retargeting.robot_file import find_robot
     from mild_ros.assembly.inference import load
     from mild_ros.assembly.perception import skeleton_source
     from mild_ros.assembly.pipeline import make_pipeline
     from mild_ros.controller_messages import ControllerMessages
     from mild_ros.demo import RECORDED
-    from mild_ros.replay import Inputs, replay_in_process
+    from mild_ros.replay import Inputs, Step, replay_in_process
 
     parameters = asked.pipeline
     robot = find_robot(parameters.robot)
@@ -149,6 +172,11 @@ def _in_process(bag: Path, folder: Path, asked: RunOptions, console: Console) ->
     folder.mkdir(parents=True, exist_ok=True)
     recorded = folder / RECORDED
     shutil.rmtree(recorded, ignore_errors=True)
+    complaints = [""]
+
+    def look(step: Step) -> None:
+        complaints[0] = step.state.perception.detail or complaints[0]
+
     with console.status("replaying in process"):
         pipeline = make_pipeline(parameters, load(parameters.model))
         summary = replay_in_process(
@@ -156,6 +184,7 @@ def _in_process(bag: Path, folder: Path, asked: RunOptions, console: Console) ->
             rate_hz=parameters.control_rate_hz,
             salvage=asked.salvage,
             controllers=ControllerMessages(parameters, pipeline.retargeting, inputs.naming),
+            on_step=look,
         )
     if summary.note:
         console.print(f"{bag}: {summary.note}", style="yellow", highlight=False, soft_wrap=True)
@@ -163,4 +192,4 @@ def _in_process(bag: Path, folder: Path, asked: RunOptions, console: Console) ->
         told = ", ".join(f"{count} {reason}" for reason, count in counts.items()) or "none unreadable"
         console.print(f"{stage}: {told}", highlight=False, soft_wrap=True)
     console.print(f"{summary.commands} commands, SHA-256 {summary.digest}", highlight=False, soft_wrap=True)
-    return recorded
+    return recorded, summary.counts, complaints[0]

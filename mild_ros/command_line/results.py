@@ -17,7 +17,6 @@ from mild_core.errors import MildError, SetupError
 from mild_core.retargeting.robot_file import find_robot
 from mild_core.shapes import FloatArray
 from mild_ros.assembly.perception import make_perception, manifest_of, skeleton_source
-from mild_ros.bags import open_bag
 from mild_ros.command_line.console import Console
 from mild_ros.demo import RunOptions, run_nodes
 from mild_ros.report import Report, make_report
@@ -37,11 +36,13 @@ class Shown:
     Attributes:
         report: The numbers.
         files: What to look at, in order.
+        run: What they are of.
         problems: Why a picture is missing, a line each.
     """
 
     report: Report
     files: tuple[Path, ...]
+    run: RecordedRun
     problems: tuple[str, ...] = ()
 
 
@@ -53,7 +54,7 @@ def run_with_progress(bag: Path, out: Path, options: RunOptions, console: Consol
     """
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True) as progress:
-        task = progress.add_task("starting nodes", total=1.0)
+        task = progress.add_task("", total=1.0)
 
         def wait_for_enter() -> None:
             progress.stop()
@@ -63,24 +64,12 @@ def run_with_progress(bag: Path, out: Path, options: RunOptions, console: Consol
                 raise SetupError("--paused", "nobody is there to press Enter", "leave it out") from None
             progress.start()
 
-        return run_nodes(
-            bag,
-            out,
-            options,
-            lambda what, share: progress.update(task, description=what, completed=share),
-            wait_for_enter if paused else lambda: None,
-        )
+        def tell(what: str, share: float) -> None:
+            if not console.is_terminal and what != progress.tasks[0].description:
+                progress.console.print(what)  # without a terminal there is no bar
+            progress.update(task, description=what, completed=share)
 
-
-def tell_lost(bag: Path, salvage: bool, console: Console) -> None:
-    """Say what of a bag could not be read, if anything.
-
-    Raises:
-        BagError: Nothing can.
-    """
-    with open_bag(bag, salvage=salvage) as opened:
-        if opened.lost:
-            console.print(f"{bag}: {opened.lost}", style="yellow", highlight=False, soft_wrap=True)
+        return run_nodes(bag, out, options, tell, wait_for_enter if paused else lambda: None)
 
 
 def leave(recorded: Path, out: Path, options: RunOptions, title: str, console: Console) -> Shown:
@@ -120,7 +109,7 @@ def leave(recorded: Path, out: Path, options: RunOptions, title: str, console: C
                 problems.append(f"no {name}: {_reason(error)}")
             else:
                 made += [out / name] * (name != "scene")
-    return Shown(report, (*made, out / NUMBERS), tuple(problems))
+    return Shown(report, (*made, out / NUMBERS), run, tuple(problems))
 
 
 def _reason(error: Exception) -> str:
@@ -144,11 +133,14 @@ def tell(shown: Shown, title: str, console: Console) -> None:
 def _lines(report: Report) -> list[tuple[str, str]]:
     """What is told of a run: a name and a value each."""
     lines = [("skeleton stamp → command sent", _told(report.sent_ages_ms))]
-    lines.append(("skeleton stamp → first command received", _percentiles(report.answer_ages_ms)))
-    lines.append(("age of the skeleton behind any command", _percentiles(report.command_ages_ms)))
+    none = "not told" if report.commands else "no command"
+    lines.append(("skeleton stamp → first command received", _percentiles(report.answer_ages_ms, none)))
+    lines.append(("age of the skeleton behind any command", _percentiles(report.command_ages_ms, none)))
     lines.append(("rates", ", ".join(f"{name} {rate:.1f} Hz" for name, rate in report.rates_hz.items())))
     lines.append(("tracker messages", ", ".join(f"{number} {name}" for name, number in report.fates.items()) or "-"))
     lines.append(("lost before perception", "not told" if report.lost is None else str(report.lost)))
+    if report.unrecorded:
+        lines.append(("seen, but not recorded", str(report.unrecorded)))
     if report.limits is not None:
         used = report.limits
         shares = f"position {used.position:.0%}, velocity {used.velocity:.0%}, acceleration {used.acceleration:.0%}"
@@ -167,9 +159,9 @@ def _told(ages_ms: tuple[float, float, float] | None) -> str:
     return "median {:.1f} ms, 99 % below {:.1f} ms, greatest {:.1f} ms".format(*ages_ms)
 
 
-def _percentiles(ages_ms: FloatArray) -> str:
+def _percentiles(ages_ms: FloatArray, none: str) -> str:
     if not len(ages_ms):
-        return "no command"
+        return none
     middle, high, top = np.percentile(ages_ms, [50, 99, 100])
     return _told((float(middle), float(high), float(top)))
 
@@ -190,6 +182,7 @@ def as_data(run: RecordedRun, report: Report) -> dict[str, Any]:
         "rates_hz": dict(report.rates_hz),
         "fates": dict(report.fates),
         "lost": report.lost,
+        "unrecorded": report.unrecorded,
         "limits": None if limits is None else {**vars(limits), "kept": limits.kept},
         "error_deg": report.error_deg,
         "predicted_error_deg": report.predicted_error_deg,

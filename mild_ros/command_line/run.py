@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mild run` and `mild record`: our nodes without the `ros2` command."""
+"""`mild run`, `mild launch` and `mild record`: our nodes without the `ros2` command."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from typing import Annotated
 import typer
 
 from mild_core.errors import SetupError, unknown_name
+from mild_ros.launching import LAUNCHES, read_arguments, run_launch
 from mild_ros.processes import as_yaml
 
 NODES = {
@@ -54,6 +55,38 @@ def run(
     if given and "--ros-args" not in given and not {"--help", "-h"} & set(given):
         given.insert(0, "--ros-args")
     _become(node, given)
+
+
+def launch(
+    name: Annotated[str, typer.Argument(metavar="NAME", help=f"One of {', '.join(LAUNCHES)}.")],
+    words: Annotated[
+        list[str] | None, typer.Argument(metavar="[NAME:=VALUE]...", help="As for `ros2 launch`; without, defaults.")
+    ] = None,
+    show_args: Annotated[bool, typer.Option("--show-args", help="List what it takes, and stop.")] = False,
+) -> None:
+    """Starts all nodes of a live, simulated or replayed system, as `ros2 launch mild_ros NAME.launch.py` does.
+
+        mild launch live skeleton:=/k4a/body_tracking_data config:=yumi_abb
+
+        mild launch simulation skeleton:=/k4a/body_tracking_data gui:=true
+
+        mild launch replay bag:=bags/handshake record:=what_happened
+
+    Control-C ends all of them. What each takes:
+
+        mild launch live --show-args
+    """
+    name = name.removesuffix(".launch.py")
+    if name not in LAUNCHES:
+        raise unknown_name("launch", name, LAUNCHES)
+    wanted = LAUNCHES[name]
+    if show_args:
+        for argument, (default, text) in wanted.arguments.items():
+            print(f"{argument}:={'' if default is None else default}\n    {text}")
+        return
+    given = read_arguments(wanted, words or ())
+    import_module("rclpy")
+    raise typer.Exit(run_launch(wanted, given))
 
 
 def record(

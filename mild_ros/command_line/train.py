@@ -62,7 +62,7 @@ def train(
     ] = 0,
     errors: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="cross_validation_<protocol>.json of `mild evaluate --cv`, for the card."),
+        typer.Option(metavar="FILE", help="`cross_validation_<protocol>.json` of `mild evaluate --cv`, for the card."),
     ] = None,
 ) -> None:
     """Learns a model from demonstrations.
@@ -92,7 +92,7 @@ def train(
     twice as many make the error less than a hundredth smaller: it has levelled off. The model then learns from all
     trials for as many epochs as were enough; its card says how many.
 
-    The folder then works wherever a model is named: `ros2 run mild_ros pipeline --ros-args -p model:=my_model`. Without
+    The folder then works wherever a model is named: `mild run pipeline -p model:=my_model`. Without
     --errors the uncertainty is measured on the training trials themselves and so too small; the card says so.
 
     What is interrupted, by Control-C or by force, goes on from its last whole epoch when the same command is given
@@ -103,7 +103,7 @@ def train(
     asked = _asked(config, dataset, seed, {"epochs": epochs, "members": members, "doublings": doublings})
     settings, recording = asked.settings, recording_named(asked.dataset, data)
     measured = _measured(errors, asked, recording)
-    trials = _trials(recording, data or recording.default_path())
+    trials = _trials(recording, data or recording.default_path(), asked)
     out.mkdir(parents=True, exist_ok=True)  # a folder that cannot be written is said before an hour of training
     trained, checkpoint = _learned(trials, asked, recording, out)
     chosen = [f"--config {config or LIVE}"] * bool(config or not dataset) + [f"--dataset {dataset}"] * bool(dataset)
@@ -131,11 +131,14 @@ def _learned(
     return _finished(epochs, checkpoint), checkpoint
 
 
-def _trials(recording: Recording, path: Path) -> tuple[Demonstration, ...]:
+def _trials(recording: Recording, path: Path, asked: Configuration) -> tuple[Demonstration, ...]:
     """Those to learn from."""
+    from mild_core.learning.training import require_learnable
+
     trials = recording.read(path).train
     if len(trials) < LEAST_TRIALS:
         raise SetupError(str(path), f"holds {len(trials)} training trials", f"give at least {LEAST_TRIALS}")
+    require_learnable(trials, recording.protocols[asked.protocol], asked.settings)
     return trials
 
 

@@ -19,7 +19,7 @@ def view(
     config: Config = "",
     given: Given = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="FOLDER", help="Where the files go [default: out/view/<bag>].")
+        Path | None, typer.Option(metavar="FOLDER", help="Where the files go [default: `out/view/<bag>`].")
     ] = None,
     salvage: Salvage = False,
     browser: Annotated[bool, typer.Option("--open", help="Open the page in a browser.")] = False,
@@ -31,18 +31,26 @@ def view(
     The page is one HTML file with a play bar. It needs no network and no server. Skeletons that are read with
     parameters, or a robot other than YuMi, are told as to `mild replay`: `--config pepper`, `-p frame_id:=world`.
     """
+    from mild_core.retargeting.robot_file import find_robot
+    from mild_ros.assembly.perception import manifest_of, skeleton_source
     from mild_ros.bag_camera import with_camera
-    from mild_ros.command_line.results import PAGE, leave, tell, tell_lost
-    from mild_ros.demo import RunOptions
+    from mild_ros.command_line.lost import check_source, tell_lost
     from mild_ros.parameter_files import read_parameters
     from mild_ros.settings import PipelineParameters
 
-    folder = out or Path("out/view") / bag.resolve().stem
-    folder.mkdir(parents=True, exist_ok=True)
     parameters = read_parameters(PipelineParameters, "pipeline", config, given or (), model=model, source=source)
     parameters = with_camera(parameters, bag, given or ())
-    options, console = RunOptions(parameters, salvage=salvage), Console()
+    find_robot(parameters.robot), manifest_of(parameters.model)
+    console = Console()
     tell_lost(bag, salvage, console)
+    check_source(bag, salvage, skeleton_source(parameters))
+    folder = out or Path("out/view") / bag.resolve().stem
+    folder.mkdir(parents=True, exist_ok=True)
+    # Only now, as it takes its time to load: what draws.
+    from mild_ros.command_line.results import PAGE, leave, tell
+    from mild_ros.demo import RunOptions
+
+    options = RunOptions(parameters, salvage=salvage)
     tell(leave(bag, folder, options, bag.resolve().name, console), str(bag), console)
     if browser:
         typer.launch((folder / PAGE).resolve().as_uri())

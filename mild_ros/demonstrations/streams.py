@@ -1,15 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a bag holds of a demonstration: people, joints and labels in order of receipt, then on one clock.
-
-A tracker stamps with its own clock, a robot with another, and the recorder notes when each message came. Stamps are
-more even than receipts, so they are kept where they can be: as they are when they are of the recorder's clock, moved by
-the typical delay when their clock is another one, and not at all when they jump about.
-"""
+"""What a bag holds of a demonstration: people, joints and labels in order of receipt."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -27,12 +22,6 @@ from mild_ros.demonstrations.settings import SAME, DemonstrationSettings, Person
 from mild_ros.messages.joint_by_joint import People
 from mild_ros.messages.stamps import ns_from_msg
 from mild_ros.replay import JOINT_STATE_TYPE
-
-EARLIEST_S, LATEST_S = -0.1, 1.0
-"""How long after their stamps messages come, typically, if both clocks are the same."""
-
-UNSTEADY_S = 0.5
-"""Delays that differ by more are none: those stamps are no times of measuring."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,8 +47,8 @@ Reader = Callable[[Any, int], None]
 """Takes a message and the time when it came [ns]."""
 
 
-def readers(bag: BagReader, settings: DemonstrationSettings, streams: Streams) -> dict[str, list[Reader]]:
-    """Who reads the messages of which topics into `streams`.
+def readers(bag: BagReader, name: str, settings: DemonstrationSettings, streams: Streams) -> dict[str, list[Reader]]:
+    """Who reads the messages of which topics of a bag, which labels call by `name`, into `streams`.
 
     Raises:
         BagError: The bag lacks a topic.
@@ -77,17 +66,18 @@ def readers(bag: BagReader, settings: DemonstrationSettings, streams: Streams) -
     if settings.robot is not None:
         topic = topic_of_type(bag, JOINT_STATE_TYPE, settings.robot.topic)
         found.setdefault(topic, []).append(partial(_joints, streams))
-    if settings.label.startswith(TOPIC) and bag.path.stem not in settings.labels:
+    if settings.label.startswith(TOPIC) and name not in settings.labels:
         topic = topic_of_type(bag, LABEL_TYPE, settings.label.removeprefix(TOPIC))
         found.setdefault(topic, []).append(partial(_label, streams.labels))
     return found
 
 
-def read_streams(bag: BagReader, settings: DemonstrationSettings, on_message: Callable[[], None]) -> Streams:
+def read_streams(bag: BagReader, name: str, settings: DemonstrationSettings, on_message: Callable[[], None]) -> Streams:
     """Read a bag.
 
     Args:
         bag: The bag.
+        name: What labels call it.
         settings: What is wanted of it.
         on_message: Called for each message, for progress.
 
@@ -96,7 +86,7 @@ def read_streams(bag: BagReader, settings: DemonstrationSettings, on_message: Ca
         SetupError: A tracker's joints are not named.
     """
     streams = Streams()
-    wanted = readers(bag, settings, streams)
+    wanted = readers(bag, name, settings, streams)
     budget = TimeBudget()
     for raw in bag.messages(wanted):
         on_message()
@@ -132,41 +122,3 @@ def _joints(streams: Streams, message: Any, now: int) -> None:
 
 def _label(into: list[tuple[int, str]], message: Any, now: int) -> None:
     into.append((now, str(message.data)))
-
-
-@dataclass(frozen=True)
-class Clock:
-    """How the stamps of a topic become times of the recorder's clock.
-
-    Attributes:
-        shift_ns: Added to each; None takes the time of receipt.
-        note: What is odd about them, for people; "" for nothing.
-    """
-
-    shift_ns: int | None
-    note: str = ""
-
-    def time_ns(self, stamp_ns: int, received_ns: int) -> int:
-        """When a message was true."""
-        return received_ns if self.shift_ns is None or stamp_ns == 0 else stamp_ns + self.shift_ns
-
-
-def judge_clock(thing: str, received_ns: Sequence[int], stamps_ns: Sequence[int], choice: str) -> Clock:
-    """What to do with the stamps of a topic.
-
-    Args:
-        thing: Whose they are, for people.
-        received_ns: When its messages came.
-        stamps_ns: Their stamps; 0 for none.
-        choice: "header" keeps them, "bag" takes the receipts, "auto" judges.
-    """
-    stamped = [(got, stamp) for got, stamp in zip(received_ns, stamps_ns, strict=True) if stamp]
-    if choice != "auto" or not stamped:
-        return Clock(None if choice == "bag" or not stamped else 0)
-    delays_s = np.subtract(*np.transpose(np.array(stamped))) * 1e-9
-    low, delay_s, high = np.quantile(delays_s, [0.05, 0.5, 0.95])
-    if high - low > UNSTEADY_S:
-        return Clock(None, f"stamps of {thing} jump about by {high - low:.1f} s: the times of receipt are taken")
-    if EARLIEST_S <= delay_s <= LATEST_S:
-        return Clock(0)
-    return Clock(round(delay_s * 1e9), f"the clock of {thing} is {delay_s:.1f} s off the recorder's: moved")

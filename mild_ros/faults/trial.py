@@ -26,6 +26,12 @@ many; a busy machine makes it longer."""
 BESIDE_RAD = 0.2
 """A command so near to where the robot was pushed has given way: half of what counts as displaced."""
 
+HINDERED = 0.5
+"""One that somebody in the way hinders has given way after this share of the way there."""
+
+STOP_S, WAY_RAD = 0.3, 0.35
+"""So long after it ceased to follow, an arm that makes way for a person who is not seen any more turns no joint by more
+than this: their radius grows by 0.2 m at most."""
 
 TRIES, PAUSE_S = 3, 0.1
 """A fault is tried again after this process had to stand still for longer than this ..."""
@@ -137,9 +143,9 @@ def _tried(room: Room, fault: Fault) -> Outcome:
     left_ns = next((at for at, mode in room.modes if begun_ns < at <= ended_ns and mode != "following"), None)
     during = room.commands_between(first, begun_ns, ended_ns)
     made_way = after.get(MADE_WAY, 0) > before.get(MADE_WAY, 0)
-    rest_s = _rest_s(fault.answer, during, begun_ns, left_ns, made_way=made_way)
+    rest_s = rest_after_s(fault.answer, during, begun_ns, left_ns, made_way=made_way)
     hindered = made_way or after.get(KEPT_OUT, 0) > before.get(KEPT_OUT, 0)
-    missed += _complaints(fault, during, rest_s, put_rad, hindered=hindered)
+    missed += complaints(fault, during, rest_s, put_rad, hindered=hindered)
     commands = room.commands[max(first - 3, 0) :]
     broken = tuple(problems(ROBOT, commands))
     others = tuple(key for key in OTHER_STOPS if key not in fault.counted and after.get(key, 0) > before.get(key, 0))
@@ -154,23 +160,35 @@ def _recovers(room: Room, happened: Callable[[], bool]) -> bool:
     return room.until(happened, RECOVERY_S)
 
 
-def _rest_s(
+def rest_after_s(
     answer: Answer, during: Sequence[Command], begun_ns: int, left_ns: int | None, *, made_way: bool
 ) -> float | None:
     """When the robot came to rest; None for never.
 
-    Where it goes on or gives way, or makes way for a person who is not seen and so may be anywhere near, it is when it
-    ceased to follow.
+    Where it goes on or gives way, or makes way a little for a person who is not seen and so may be anywhere near, it is
+    when it ceased to follow.
+
+    Args:
+        answer: What it must do.
+        during: Its commands.
+        begun_ns: When the fault began.
+        left_ns: When it ceased to follow; None for not at all.
+        made_way: Whether it made way for somebody.
     """
-    if answer in ("goes on", "gives way") or (made_way and left_ns is not None):
+    if answer in ("goes on", "gives way"):
         return None if left_ns is None else (left_ns - begun_ns) * 1e-9
+    if made_way and left_ns is not None:
+        since = [command.positions_rad for command in during if command.stamp_ns >= left_ns + STOP_S * 1e9]
+        turned = np.abs(np.diff(np.array(since), axis=0)).sum(axis=0) if len(since) > 1 else np.zeros(1)
+        if turned.max() <= WAY_RAD:
+            return (left_ns - begun_ns) * 1e-9
     moving_ns = [begun_ns, *(command.stamp_ns for command in during if command.moves)]
     pauses = [before for before, after in pairwise(moving_ns) if after - before > A_WHILE_NS]
     rested_ns = pauses[0] if pauses and answer == "rests for a while" else moving_ns[-1]
     return (rested_ns - begun_ns) * 1e-9
 
 
-def _complaints(
+def complaints(
     fault: Fault, during: Sequence[Command], rest_s: float | None, put_rad: FloatArray, *, hindered: bool
 ) -> Iterator[str]:
     """What is wrong with how the robot answered."""
@@ -182,6 +200,13 @@ def _complaints(
         return
     if rest_s is None or rest_s > fault.within_s:
         yield f"no rest within {fault.within_s:g} s but after {rest_s or fault.lasts_s:.2f} s"
-    beside = [np.abs(np.subtract(command.positions_rad, put_rad)).max() < BESIDE_RAD for command in during]
-    if fault.answer == "gives way" and not any(beside) and not hindered:
+    if fault.answer == "gives way" and not _gave_way(during, put_rad, hindered=hindered):
         yield "the robot does not go where it was put"
+
+
+def _gave_way(during: Sequence[Command], put_rad: FloatArray, *, hindered: bool) -> bool:
+    """Whether the robot went where it was put, or half of the way there if somebody hindered it."""
+    if not during:
+        return False
+    left = np.array([np.abs(np.subtract(command.positions_rad, put_rad)).max() for command in during])
+    return bool(left.min() < BESIDE_RAD or (hindered and left.min() <= (1.0 - HINDERED) * left[0]))

@@ -3,52 +3,15 @@
 
 ros2 launch mild_ros live.launch.py skeleton:=/k4a/body_tracking_data config:=yumi_abb
 ros2 launch mild_ros live.launch.py namespace:=left skeleton:=/camera_left/bodies joint_states:=/yumi_l/joint_states
+
+Without `ros2 launch`: ./mild launch live with the same arguments. What they are stands in mild_ros/launching.py.
 """
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution, PythonExpression
-from launch_ros.actions import Node
-from launch_ros.substitutions import FindPackageShare
 
-ARGUMENTS = {
-    "namespace": ("", "Before every name: one for each robot and its person."),
-    "config": ("yumi", "Parameters: a name in share/mild_ros/config, or a path."),
-    "skeleton": ("skeleton", "Topic of the tracker."),
-    "joint_states": ("joint_states", "Topic where the robot says where it is."),
-    "joint_command": ("joint_command", "Topic of the commands."),
-    "trajectory": ("joint_trajectory", "Topic of the JointTrajectoryController, if the configuration has that output."),
-    "use_sim_time": ("false", "Take the time from `/clock`."),
-    "respawn": ("true", "Start a node again that has ended by itself, after two seconds."),
-}
-
-
-RESPAWN_DELAY_S = 2.0
-"""DDS needs up to this long to miss the commands of a node that died, and the new one looks for others first."""
+from mild_ros.launch_description import describe
 
 
 def generate_launch_description() -> LaunchDescription:
     """What `ros2 launch` runs."""
-    given = {name: LaunchConfiguration(name) for name in ARGUMENTS}
-    stem = PythonExpression(["'", given["config"], "'.removesuffix('.yaml')"])
-    # Not as `parameters`: a file that is not there would be passed over, and another robot commanded.
-    config = ["--params-file", [PathJoinSubstitution([FindPackageShare("mild_ros"), "config", stem]), ".yaml"]]
-    pipeline = Node(
-        package="mild_ros",
-        executable="pipeline",
-        name="pipeline",
-        namespace=given["namespace"],
-        ros_arguments=config,
-        parameters=[{"use_sim_time": given["use_sim_time"]}],
-        remappings=[
-            *((name, given[name]) for name in ("skeleton", "joint_states", "joint_command")),
-            ("joint_trajectory", given["trajectory"]),
-        ],
-        output="screen",
-        respawn=given["respawn"],
-        respawn_delay=RESPAWN_DELAY_S,
-    )
-    arguments = [
-        DeclareLaunchArgument(name, default_value=value, description=text) for name, (value, text) in ARGUMENTS.items()
-    ]
-    return LaunchDescription([*arguments, pipeline])
+    return describe("live")

@@ -7,10 +7,12 @@ by the newest transforms. A joint is as new as the first transform above it that
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 from typing import Any
 
+from mild_core.errors import DataError
 from mild_core.perception.skeletons import SkeletonSource
 from mild_core.perception.skeletons.source import PERSON
 from mild_ros.messages.feeds import Feed
@@ -21,6 +23,9 @@ TRANSFORMS, TRACKED = "tf2_msgs/msg/TFMessage", "hri_msgs/msg/IdsList"
 TRACKED_TOPIC = "/humans/bodies/tracked"
 _DEEPEST = 100
 """No tree is deeper; a loop in one ends here."""
+
+UNIT_TO = 0.01
+"""How far the square of a quaternion's length may be from 1; nearer ones are of short decimals, and made to be of 1."""
 
 _LISTED = 8
 """So many names fit into a line."""
@@ -84,11 +89,20 @@ class TransformPeople:
         ]
 
     def move(self, message: Any, now_ns: int) -> People | None:
-        """Take transforms of now; what moves no joint, as most of a robot's, ends here."""
-        moved = False
+        """Take transforms of now; what moves no joint, as most of a robot's, ends here.
+
+        Raises:
+            DataError: `not_a_transform` when one that a joint hangs on is none; the others have been taken.
+        """
+        moved, wrong = False, []
         for transform in message.transforms:
+            if why := _fault(transform):
+                wrong.append((_name(transform.child_frame_id), why))
+                continue
             frame = self._link(transform, ns_from_msg(transform.header.stamp) or now_ns)
             moved = moved or frame in self._movers
+        if wrong:
+            self._check(wrong)
         done = None
         for (person, joint), (_, frame) in self._frames.items() if moved else ():
             if self.tracked is None or person in self.tracked:
@@ -97,9 +111,19 @@ class TransformPeople:
         return done
 
     def fix(self, message: Any, now_ns: int) -> None:
-        """Take transforms of always."""
+        """Take transforms of always.
+
+        Raises:
+            DataError: `not_a_transform` when one is none; the others have been taken.
+        """
+        wrong = []
         for transform in message.transforms:
-            self._link(transform, None)
+            if why := _fault(transform):
+                wrong.append((_name(transform.child_frame_id), why))
+            else:
+                self._link(transform, None)
+        if wrong:
+            raise DataError("not_a_transform", f"'{wrong[0][0]}' {wrong[0][1]}")
 
     def list_tracked(self, message: Any, now_ns: int) -> People | None:
         """Take the list of who is seen; nobody is an empty message."""
@@ -116,15 +140,33 @@ class TransformPeople:
         seen = ", ".join(sorted(self._links)[:_LISTED]) + (", ..." if len(self._links) > _LISTED else "")
         return f"/tf has no {', '.join(missing)}, but {seen or 'nothing'}: name the frames in joint_places"
 
+    def _check(self, wrong: list[tuple[str, str]]) -> None:
+        """Complain of a transform that is none if a joint hangs on its frame; those of a robot are not ours."""
+        for frame, _ in wrong:
+            if frame not in self._links:
+                self._look_at_name(frame)
+        above = {frame for _, frame in self._frames.values()}
+        for frame in tuple(above):
+            for _ in range(_DEEPEST):
+                link = self._links.get(frame)
+                if link is None or frame == self._root:
+                    break
+                frame = link.parent
+                above.add(frame)
+        for frame, why in wrong:
+            if frame in above:
+                raise DataError("not_a_transform", f"'{frame}' {why}")
+
     def _link(self, transform: Any, stamp_ns: int | None) -> str:
         rotation, translation = transform.transform.rotation, transform.transform.translation
-        frame = str(transform.child_frame_id).lstrip("/")
+        frame = _name(transform.child_frame_id)
+        length = math.hypot(rotation.x, rotation.y, rotation.z, rotation.w)
         if frame not in self._links:
             self._look_at_name(frame)
         self._links[frame] = Link(
-            str(transform.header.frame_id).lstrip("/"),
+            _name(transform.header.frame_id),
             stamp_ns,
-            (rotation.x, rotation.y, rotation.z, rotation.w),
+            (rotation.x / length, rotation.y / length, rotation.z / length, rotation.w / length),
             (translation.x, translation.y, translation.z),
         )
         return frame
@@ -152,6 +194,28 @@ class TransformPeople:
             position = (x + link.translation[0], y + link.translation[1], z + link.translation[2])
             frame = link.parent
         return None if stamp_ns is None else Sample(stamp_ns, frame, position)
+
+
+def _name(frame_id: Any) -> str:
+    return str(frame_id).lstrip("/")
+
+
+def _fault(transform: Any) -> str:
+    """Why a transform is none, as tf2 judges it; "" when it is one.
+
+    Source: geometry2, tf2/src/buffer_core.cpp, BufferCore::setTransformImpl.
+    """
+    rotation, translation = transform.transform.rotation, transform.transform.translation
+    parent, child = _name(transform.header.frame_id), _name(transform.child_frame_id)
+    length = math.hypot(rotation.x, rotation.y, rotation.z, rotation.w)
+    if not math.isfinite(length + translation.x + translation.y + translation.z):
+        return f"in '{parent}' is not finite"
+    norm = min(length, 1e100) ** 2
+    if abs(norm - 1.0) > UNIT_TO:
+        return f"in '{parent}' is turned by a quaternion of length {length:.3g}, not 1"
+    if not parent or not child or parent == child:
+        return f"has the parent '{parent}'"
+    return ""
 
 
 def _turned(rotation: tuple[float, float, float, float], point: Point) -> Point:

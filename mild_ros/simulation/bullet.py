@@ -7,8 +7,10 @@ tuples instead of arrays.
 
 from __future__ import annotations
 
+import logging
 import math
-from pathlib import Path
+from collections.abc import Collection
+from dataclasses import dataclass
 from types import ModuleType, TracebackType
 from typing import Any
 
@@ -16,9 +18,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mild_core.errors import SetupError
+from mild_core.printable import printable_lines
+from mild_core.retargeting.capsules import TABLE_AT_M, TABLE_M, table_of
+from mild_core.retargeting.kinematics import KinematicTree, read_tree
 from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.urdf import FIXED
 from mild_core.signals import JointCommand, JointMeasurement
-from mild_ros.assembly.trial_load import try_load
+from mild_ros.assembly.trial_load import survivable, try_window
 from mild_ros.simulation.backend import Camera, Scene
 from mild_ros.simulation.quiet import quiet_terminal
 
@@ -28,11 +34,14 @@ PHYSICS_RATE_HZ = 240
 POSITION_GAIN = 0.3
 """The best of those tried: 0.15 degrees tracking error."""
 
-TABLE_TOP_M = -0.104
-"""Height of what the robot stands on: the underside of its base."""
+SOFTEST, BEARING = 0.25, 1.3
+"""Share of its motors' force that the arm keeps in any case, and how much more than its own weight it bears then."""
 
-SOFTEST = 0.25
-"""Share of its motors' force that the arm keeps in any case: enough to bear its own weight."""
+RESERVE = 1.5
+"""Motors whose force nobody knows have this much more than they need."""
+
+TRIED, SEED = 100, 7
+"""Random poses in which that is computed."""
 
 WOOD, METAL, FLOOR = (0.82, 0.76, 0.68, 1.0), (0.45, 0.46, 0.48, 1.0), (0.93, 0.93, 0.94, 1.0)
 
@@ -56,6 +65,41 @@ def load_pybullet() -> ModuleType:
     return module
 
 
+@dataclass(frozen=True)
+class _Motor:
+    """What drives a joint.
+
+    Attributes:
+        number: PyBullet's, of the joint.
+        leader: The commanded joint whose position it has ...
+        ratio: ... so often ...
+        offset: ... and so much more [rad].
+        force: Its largest torque [N m].
+        bearing: With so much it bears the arm.
+    """
+
+    number: int
+    leader: str
+    ratio: float
+    offset: float
+    force: float
+    bearing: float
+
+    def place(self, leader_rad: float) -> float:
+        """Where the joint is when its leader is there."""
+        return self.ratio * leader_rad + self.offset
+
+
+def _standing(robot: RobotModel, tree: KinematicTree, moving: Collection[str]) -> dict[str, float]:
+    """Where the joints that nothing commands stand for good, by name."""
+    places = {}
+    for joint in tree.by_child.values():
+        if joint.kind not in FIXED and joint.name not in moving:
+            leader, ratio, offset = tree.followed(joint)
+            places[joint.name] = ratio * robot.at_home.get(leader, 0.0) + offset
+    return places
+
+
 class BulletRobot:
     """One robot on a fixed base, as `SimulatedRobot`.
 
@@ -66,7 +110,7 @@ class BulletRobot:
         start_rad: (J,) where the commanded joints start; None for home.
 
     Raises:
-        SetupError: PyBullet is not installed, or the description lacks a joint or cannot be loaded.
+        SetupError: PyBullet is not installed, there is no display, or the description cannot be loaded.
     """
 
     def __init__(
@@ -79,16 +123,20 @@ class BulletRobot:
     ) -> None:
         self.robot = robot
         self._bullet: Any = load_pybullet()
+        if gui:
+            try_window()
         with quiet_terminal():
             self._client: int = self._bullet.connect(self._bullet.GUI if gui else self._bullet.DIRECT)
         if self._client < 0:
-            raise SetupError("simulation", "PyBullet opens no window", "run without --gui or on a desktop")
+            raise SetupError("simulation", "PyBullet cannot be started", "run without gui, or on a desktop")
         self._owed_s = 0.0
         self._stiffness = 1.0
         try:
             self._bullet.setTimeStep(1.0 / PHYSICS_RATE_HZ, physicsClientId=self._client)
             self._bullet.setGravity(0.0, 0.0, -9.81, physicsClientId=self._client)
-            self._body, self._joints = self._load(robot.urdf_path)
+            tree = read_tree(robot.urdf_path)
+            self._body, self._joints = self._load(tree)
+            self._standing = _standing(robot, tree, self._joints)
             if scene is not None:
                 self._furnish(scene)
             self._rest(robot.home_rad if start_rad is None else np.asarray(start_rad, dtype=np.float64))
@@ -102,55 +150,84 @@ class BulletRobot:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self.close()
 
-    def _load(self, path: Path) -> tuple[int, dict[str, tuple[int, float]]]:
-        """The body, and of each movable joint, commanded ones first, its number and largest force."""
-        bullet = self._bullet
-        try_load(path, "pybullet")
+    def _load(self, tree: KinematicTree) -> tuple[int, dict[str, _Motor]]:
+        """The body, and the motor of each joint that moves, commanded ones first."""
+        bullet, robot = self._bullet, self.robot
+        joints = {joint.name: joint for joint in tree.by_child.values()}
+        missing = [name for name in robot.joint_names if name not in joints]
+        if missing:
+            remedy = f"give a description of {robot.name}"
+            raise SetupError(robot.source, f"it has no joint {', '.join(missing)}", remedy)
+        path = survivable(robot)
         try:
             with quiet_terminal():
                 flags = bullet.URDF_USE_INERTIA_FROM_FILE
                 body: int = bullet.loadURDF(str(path), useFixedBase=True, flags=flags, physicsClientId=self._client)
         except bullet.error as error:
-            raise SetupError(str(path), f"PyBullet cannot load it ({error})", "give a valid URDF file") from error
-        found: dict[str, tuple[int, float]] = {}
-        for number in range(bullet.getNumJoints(body, physicsClientId=self._client)):
-            info = bullet.getJointInfo(body, number, physicsClientId=self._client)
-            self._lighten(body, number)
-            if info[2] in (bullet.JOINT_REVOLUTE, bullet.JOINT_PRISMATIC):
-                found[info[1].decode()] = (number, float(info[10]))
-        missing = [name for name in self.robot.joint_names if name not in found]
-        if missing:
-            remedy = f"give a description of {self.robot.name}"
-            raise SetupError(str(path), f"it has no joint {', '.join(missing)}", remedy)
-        others = [name for name in found if name not in self.robot.joint_names]
-        return body, {name: found[name] for name in (*self.robot.joint_names, *others)}
+            raise SetupError(robot.source, f"PyBullet cannot load it ({error})", "give a valid URDF file") from error
+        found = [
+            bullet.getJointInfo(body, number, physicsClientId=self._client)[1].decode()
+            for number in range(bullet.getNumJoints(body, physicsClientId=self._client))
+        ]
+        follows = [tree.followed(joints[name]) for name in found]
+        force, bearing = self._forces(body, found, follows, np.array([joints[name].effort for name in found]))
+        motors = {
+            name: _Motor(number, *follows[number], float(force[number]), float(bearing[number]))
+            for number, name in enumerate(found)
+        }
+        copies = [name for name in found if name not in robot.joint_names]
+        return body, {name: motors[name] for name in (*robot.joint_names, *copies) if name in motors}
 
-    def _lighten(self, body: int, link: int) -> None:
-        """Take the kilogram and the kilogram square metre from a mere frame that PyBullet gives to it."""
-        mass, _, inertia = self._bullet.getDynamicsInfo(body, link, physicsClientId=self._client)[:3]
-        if mass == 1.0 and inertia == (1.0, 1.0, 1.0):
-            light = {"mass": 1e-3, "localInertiaDiagonal": (1e-6, 1e-6, 1e-6)}
-            self._bullet.changeDynamics(body, link, **light, physicsClientId=self._client)
+    def _forces(
+        self, body: int, names: list[str], follows: list[tuple[str, float, float]], efforts: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(N,) and (N,) torques [N m] that each joint's motor has, and with which it bears the arm anywhere.
+
+        Descriptions often know no effort, or less than the arm weighs; no robot is built so. Such motors get what they
+        need for the robot's own limits.
+        """
+        bullet, robot, client = self._bullet, self.robot, {"physicsClientId": self._client}
+        columns = [robot.joint_names.index(leader) for leader, _, _ in follows]
+        ratios, offsets = (np.array([each[place] for each in follows]) for place in (1, 2))
+        still = [0.0] * len(names)
+        weight, swing = np.zeros(len(names)), np.zeros(len(names))
+        acceleration = np.abs(ratios) * robot.acceleration_rad_s2[columns]
+        for pose in np.random.default_rng(SEED).uniform(robot.lower_rad, robot.upper_rad, (TRIED, len(robot.home_rad))):
+            at = (ratios * pose[columns] + offsets).tolist()
+            weight = np.maximum(weight, np.abs(bullet.calculateInverseDynamics(body, at, still, still, **client)))
+            mass = np.abs(bullet.calculateMassMatrix(body, at, **client))
+            swing = np.maximum(swing, mass @ acceleration)
+        damping = np.array([bullet.getJointInfo(body, number, **client)[6] for number in range(len(names))])
+        need = RESERVE * (weight + swing) + damping * np.abs(ratios) * robot.velocity_rad_s[columns]
+        unknown, weak = efforts <= 0.0, (efforts > 0.0) & (efforts < weight)
+        for which, what in ((unknown, "say no effort"), (weak, "have less effort than their arm weighs")):
+            if which.any():
+                shown = ", ".join(f"{names[i]} {need[i]:.3g}" for i in np.flatnonzero(which))
+                note = f"{robot.source}: joints {what}; they are simulated with what it takes [N m]: {shown}"
+                logging.getLogger(__name__).warning("%s", printable_lines(note))
+        return np.where(unknown | weak, need, efforts), BEARING * weight
 
     def _rest(self, start_rad: NDArray[np.float64]) -> None:
-        """Put every joint where it starts, and hold the others there for good."""
-        starts = dict(self.robot.rest) | dict(zip(self.robot.joint_names, start_rad.tolist(), strict=True))
-        for name, (number, _) in self._joints.items():
-            position = starts.get(name, 0.0)
-            self._bullet.resetJointState(self._body, number, position, 0.0, physicsClientId=self._client)
-            self._drive([name], [position], [0.0])
+        """Put every joint where it starts."""
+        for motor in self._joints.values():
+            position = motor.place(start_rad[self.robot.joint_names.index(motor.leader)])
+            self._bullet.resetJointState(self._body, motor.number, position, 0.0, physicsClientId=self._client)
+        names = list(self.robot.joint_names)
+        self._drive(names, start_rad.tolist(), [0.0] * len(names))
 
     def _drive(self, names: list[str], positions: list[float], velocities: list[float]) -> None:
-        numbers, forces = zip(*(self._joints[name] for name in names), strict=True)
+        """Send joints, and those that copy them, on their way."""
+        wanted = {name: each for name, *each in zip(names, positions, velocities, strict=True)}
+        motors = [motor for motor in self._joints.values() if motor.leader in wanted]
         self._bullet.setJointMotorControlArray(
             self._body,
-            numbers,
+            [motor.number for motor in motors],
             self._bullet.POSITION_CONTROL,
-            targetPositions=positions,
-            targetVelocities=velocities,
-            positionGains=[POSITION_GAIN] * len(names),
-            velocityGains=[1.0] * len(names),
-            forces=[force * self._stiffness for force in forces],
+            targetPositions=[motor.place(wanted[motor.leader][0]) for motor in motors],
+            targetVelocities=[motor.ratio * wanted[motor.leader][1] for motor in motors],
+            positionGains=[POSITION_GAIN] * len(motors),
+            velocityGains=[1.0] * len(motors),
+            forces=[max(motor.force * self._stiffness, min(motor.force, motor.bearing)) for motor in motors],
             physicsClientId=self._client,
         )
 
@@ -178,15 +255,17 @@ class BulletRobot:
 
     def measure(self, stamp_ns: int) -> JointMeasurement:
         """Where all movable joints are, the commanded ones first."""
-        numbers = [number for number, _ in self._joints.values()]
+        numbers = [motor.number for motor in self._joints.values()]
         states = self._bullet.getJointStates(self._body, numbers, physicsClientId=self._client)
-        return JointMeasurement(stamp_ns, tuple(self._joints), np.array([state[0] for state in states]))
+        positions = [*(state[0] for state in states), *self._standing.values()]
+        return JointMeasurement(stamp_ns, (*self._joints, *self._standing), np.array(positions))
 
     def _furnish(self, scene: Scene) -> None:
         if scene.table:
-            x, y, half, thick = 0.0, 0.0, (0.42, 0.55), 0.02
-            legs = (TABLE_TOP_M - 2 * thick - scene.floor_m) / 2.0
-            self._block((half[0], half[1], thick), (x, y, TABLE_TOP_M - thick), WOOD)
+            (x, y), half, thick = TABLE_AT_M, (TABLE_M[0] / 2.0, TABLE_M[1] / 2.0), 0.02
+            top_m = table_of(self.robot).top_m
+            legs = max((top_m - 2 * thick - scene.floor_m) / 2.0, 0.01)
+            self._block((half[0], half[1], thick), (x, y, top_m - thick), WOOD)
             for sx, sy in ((-1, -1), (-1, 1), (1, -1), (1, 1)):
                 foot = (x + sx * (half[0] - 0.05), y + sy * (half[1] - 0.05), scene.floor_m + legs)
                 self._block((0.025, 0.025, legs), foot, METAL)

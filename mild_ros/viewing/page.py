@@ -13,9 +13,11 @@ import numpy as np
 import viser
 import yourdfpy
 
+from mild_core.retargeting.capsules import TABLE_AT_M, TABLE_M, table_of
 from mild_core.retargeting.kinematics import forward_kinematics
 from mild_core.retargeting.robot import RobotModel
 from mild_core.shapes import FloatArray
+from mild_ros.assembly.trial_load import survivable
 from mild_ros.simulation.quiet import quiet_terminal
 from mild_ros.viewing.body import BodyPart, body_parts
 from mild_ros.viewing.filmstrip import caption
@@ -34,7 +36,7 @@ def write_page(staged: Staged, robot: RobotModel, path: Path, title: str) -> Non
     with _server() as server:
         recording = server.get_scene_serializer()
         _light_and_camera(server, staged.floor_m)
-        _furniture(server, staged.floor_m, with_table=robot.on_table)
+        _furniture(server, staged.floor_m, robot)
         links = _robot(server, robot, positions)
         parts = _person(server, body_parts(staged.bodies))
         label = server.scene.add_label("/belief", "", position=(-0.2, 0.0, 0.95), anchor="bottom-center")
@@ -78,7 +80,7 @@ def _robot(
     server: viser.ViserServer, robot: RobotModel, positions_rad: FloatArray
 ) -> list[tuple[viser.FrameHandle, FloatArray]]:
     """The robot's links, each with its poses (T, 4, 4) at T joint positions."""
-    urdf = yourdfpy.URDF.load(str(robot.urdf_path), build_scene_graph=True, load_meshes=True)
+    urdf = yourdfpy.URDF.load(str(survivable(robot)), build_scene_graph=True, load_meshes=True)
     graph, geometry = urdf.scene.graph, urdf.scene.geometry
     links: dict[str, viser.FrameHandle] = {}
     for node in graph.nodes_geometry:
@@ -129,12 +131,13 @@ def _light_and_camera(server: viser.ViserServer, floor_m: float) -> None:
     server.initial_camera.fov = float(np.radians(30.0))
 
 
-def _furniture(server: viser.ViserServer, floor_m: float, *, with_table: bool) -> None:
-    if with_table:
-        height = -0.145 - floor_m
-        server.scene.add_box("/table/top", TABLE_TOP, (0.60, 0.68, 0.04), position=(-0.12, 0.0, -0.125))
-        foot = (-0.14, 0.0, floor_m + height / 2)
-        server.scene.add_box("/table/foot", TABLE_FOOT, (0.40, 0.48, height), position=foot)
+def _furniture(server: viser.ViserServer, floor_m: float, robot: RobotModel) -> None:
+    if robot.on_table:
+        (x, y), (long, wide), top_m = TABLE_AT_M, TABLE_M, table_of(robot).top_m
+        height = max(top_m - 0.04 - floor_m, 0.02)
+        server.scene.add_box("/table/top", TABLE_TOP, (long, wide, 0.04), position=(x, y, top_m - 0.02))
+        foot = (x - 0.02, y, floor_m + height / 2)
+        server.scene.add_box("/table/foot", TABLE_FOOT, (long - 0.2, wide - 0.2, height), position=foot)
     where = (0.4, 0.0, floor_m - 0.01)
     server.scene.add_cylinder("/floor", 1.3, 0.02, color=FLOOR, radial_segments=96, position=where)
 

@@ -15,7 +15,7 @@ from mild_core.errors import BagError, DataError
 from mild_core.perception.skeletons import SkeletonSource
 from mild_core.shapes import FloatArray
 from mild_core.signals import JointMeasurement, MotionWindow, SkeletonFrame
-from mild_ros.bag_people import people_in_bag
+from mild_ros.bag_people import people_in_bag, source_fault
 from mild_ros.bags import BagReader, RawMessage, open_bag
 from mild_ros.messages.handled import Handled, handled_from_msg
 from mild_ros.messages.joint_state import joint_command_from_msg, joint_measurement_from_msg
@@ -105,7 +105,9 @@ def read_run(path: Path, source: SkeletonSource, *, salvage: bool = False) -> Re
         tracked = list(people_in_bag(bag, source))
         people = tuple(found[0] for _, found in tracked if found)
         if not people:
-            raise BagError(str(path), f"shows nobody to {source.name}", "choose a bag with a person in it")
+            fault, remedy = source_fault(bag, source, looked_at=None)
+            fault = f"shows nobody to {source.name}" + (f": {fault}" if fault else "")
+            raise BagError(str(path), fault, remedy or "choose a bag with a person in it")
         first_ns, last_ns = _ends(bag)
         return RecordedRun(
             path=path,

@@ -11,9 +11,12 @@ from types import ModuleType
 import numpy as np
 from PIL import Image
 
+from mild_core.retargeting.capsules import TABLE_AT_M, TABLE_M, table_of
+from mild_core.retargeting.kinematics import read_tree
 from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.urdf import FIXED
 from mild_core.shapes import FloatArray
-from mild_ros.assembly.trial_load import try_load
+from mild_ros.assembly.trial_load import survivable
 from mild_ros.simulation.bullet import load_pybullet
 from mild_ros.simulation.quiet import quiet_terminal
 from mild_ros.viewing.body import BodyPart, Places
@@ -22,6 +25,9 @@ OVERSAMPLING = 2
 """Each pixel is the mean of so many squared: the renderer itself draws hard edges."""
 
 BACKGROUND, FLOOR, FLOOR_RADIUS_M = (248, 249, 251), (222, 226, 232), 1.9
+MOST_JOINTS = 120
+"""PyBullet has room for a few more; of a robot with more joints, only the arm moves in pictures."""
+
 TABLE_TOP, TABLE_FOOT = (0.36, 0.39, 0.44, 1.0), (0.58, 0.61, 0.66, 1.0)
 
 
@@ -41,8 +47,10 @@ class Renderer:
 
     def __init__(self, bullet: ModuleType, client: int, robot: RobotModel, floor_m: float) -> None:
         self._bullet, self._client = bullet, client
-        try_load(robot.urdf_path, "pybullet")
-        self._robot = bullet.loadURDF(str(robot.urdf_path), useFixedBase=True, physicsClientId=client)
+        self._tree = read_tree(robot.urdf_path)
+        movable = [joint.name for joint in self._tree.by_child.values() if joint.kind not in FIXED]
+        shown = survivable(robot, movable if len(movable) <= MOST_JOINTS else ())
+        self._robot = bullet.loadURDF(str(shown), useFixedBase=True, physicsClientId=client)
         self._joints = {
             bullet.getJointInfo(self._robot, index, physicsClientId=client)[1].decode(): index
             for index in range(bullet.getNumJoints(self._robot, physicsClientId=client))
@@ -50,8 +58,8 @@ class Renderer:
         boxes = [bullet.getAABB(self._robot, link, physicsClientId=client) for link in (-1, *self._joints.values())]
         self.top_m = max(high[2] for _, high in boxes)
         self._parts: list[tuple[BodyPart, int]] = []
-        self._furniture(floor_m, with_table=robot.on_table)
-        self.place(dict(robot.rest), None)
+        self._furniture(floor_m, robot)
+        self.place(robot.at_home, None)
 
     def add_person(self, parts: Sequence[BodyPart]) -> None:
         """Bring a person on stage; `place` moves them."""
@@ -71,8 +79,13 @@ class Renderer:
 
     def place(self, joints: Mapping[str, float], person: Places | None) -> None:
         """Put the robot's joints [rad] and the person's [m, robot's base frame] where they belong."""
-        for name, position_rad in joints.items():
-            self._bullet.resetJointState(self._robot, self._joints[name], position_rad, physicsClientId=self._client)
+        for joint in self._tree.by_child.values():
+            leader, ratio, offset = self._tree.followed(joint)
+            if joint.name in self._joints and leader in joints:
+                position_rad = ratio * joints[leader] + offset
+                self._bullet.resetJointState(
+                    self._robot, self._joints[joint.name], position_rad, physicsClientId=self._client
+                )
         for part, body in self._parts:
             if person is not None:
                 rotation, position = part.pose(person)
@@ -123,12 +136,13 @@ class Renderer:
         mixed: FloatArray = (1.0 - fade) * colour + fade * np.array(BACKGROUND)
         return mixed
 
-    def _furniture(self, floor_m: float, *, with_table: bool) -> None:
-        if with_table:
-            self._box((0.30, 0.34, 0.02), (-0.12, 0.0, -0.125), TABLE_TOP)
-            foot = 0.5 * (-0.145 - floor_m)
-            self._box((0.20, 0.24, foot), (-0.14, 0.0, floor_m + foot), TABLE_FOOT)
-        self._stands = [(-0.14, 0.0, 0.34) if with_table else (0.0, 0.0, 0.28)]
+    def _furniture(self, floor_m: float, robot: RobotModel) -> None:
+        if robot.on_table:
+            (x, y), half, top_m = TABLE_AT_M, (TABLE_M[0] / 2.0, TABLE_M[1] / 2.0), table_of(robot).top_m
+            self._box((*half, 0.02), (x, y, top_m - 0.02), TABLE_TOP)
+            foot = max(0.5 * (top_m - 0.04 - floor_m), 0.01)
+            self._box((half[0] - 0.1, half[1] - 0.1, foot), (x - 0.02, y, floor_m + foot), TABLE_FOOT)
+        self._stands = [(TABLE_AT_M[0], TABLE_AT_M[1], 0.34) if robot.on_table else (0.0, 0.0, 0.28)]
         self._floor = self._box((4.0, 4.0, 0.01), (0.0, 0.0, floor_m - 0.01), (0.8, 0.8, 0.8, 1.0))
 
     def _box(self, half_m: Sequence[float], centre_m: Sequence[float], colour: Sequence[float]) -> int:

@@ -47,7 +47,7 @@ BENCHES = {
     "perception_latency": Bench("Processor time of one skeleton message in perception.", 0.5),
     "retargeting_tick": Bench("Processor time of one tick of retargeting, per robot and part.", 1),
     "soak": Bench("Random people, interactions and faults for half an hour of simulated time: limits and memory.", 4),
-    "speed_near_people": Bench("Speed of every link near people who stand still, over many ticks.", 25),
+    "speed_near_people": Bench("Speed of every link near people, over a million ticks.", 30),
     "step_latency": Bench("Latency of one step of inference.", 0.5),
 }
 """The name of each is the name of its module in this package."""

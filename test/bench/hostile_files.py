@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Hostile files: each is made, given to the real command line, and must be refused in one line and within its means.
 
-    python -m test.bench.hostile_files [--only WORD] [--json]
+    ./mild measure hostile_files [--only WORD] [--plain] [--json] [--write]
 
 Every command runs in a process of its own that may take two gigabytes of memory beyond what the program itself has
 mapped, write files of one gigabyte and compute for two minutes. Printed is the table of docs/bags.md: what a file does,
@@ -51,6 +51,8 @@ START_NS, YEAR_NS = 10**18, 365 * 24 * 3600 * 10**9
 MARKERS = "visualization_msgs/msg/MarkerArray"
 NOBODY = encode(jazzy_types().types[MARKERS]([]))
 """What a tracker sends when it sees nobody."""
+
+DOCUMENT = "docs/bags.md"
 
 MAGIC = b"\x89MCAP0\r\n"
 
@@ -602,6 +604,18 @@ def table(outcomes: list[Outcome]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def written(document: str, made_table: str) -> str:
+    """The document with another table of files.
+
+    Raises:
+        ValueError: It has none, or several.
+    """
+    found = re.findall(r"(?:^\| File \|.*\n)(?:^\|.*\n)+", document, re.MULTILINE)
+    if len(found) != 1:
+        raise ValueError(f"the document has {len(found)} tables of files")
+    return document.replace(found[0], made_table)
+
+
 def failures(outcomes: list[Outcome]) -> list[str]:
     """What should not be: a signal, a traceback, more than a line."""
     return [
@@ -617,6 +631,7 @@ def main() -> int:
     words.add_argument("--only", default="", help="Files whose name holds this.")
     words.add_argument("--plain", action="store_true", help="Without the second run, with --salvage.")
     words.add_argument("--json", action="store_true")
+    words.add_argument("--write", action="store_true", help=f"Put the table into {DOCUMENT}; of all files only.")
     given = words.parse_args()
     outcomes = []
     for name in [name for name in (*BAGS, *OTHERS) if given.only in name]:
@@ -625,6 +640,8 @@ def main() -> int:
                 outcomes.append(opened(name, Path(folder) / "f", salvage=salvage))
             print(f"{name}{' --salvage' * salvage}: {outcomes[-1]}", file=sys.stderr)
     print(json.dumps([asdict(each) for each in outcomes], indent=1) if given.json else table(outcomes))
+    if given.write and not given.only:
+        (ROOT / DOCUMENT).write_text(written((ROOT / DOCUMENT).read_text(), table(outcomes)))
     failed = failures(outcomes)
     print("\n".join(failed), file=sys.stderr)
     return bool(failed)

@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Plants faults in copies of the tree, one at a time, and lists those that the quick tests of their area do not notice.
 
-    ./mild measure mutations [FAULT ...] [--jobs 2] [--list]
+    ./mild measure mutations [FAULT ...] [--jobs 2] [--list] [--remember]
 
 Each fault of `test/mutations` is put into a copy of this checkout, whose tests of the fault's area have passed without
 it. One that survives shows a rule that no quick test holds. Outcomes are kept in `.mild/mutations` under the content of
 the faulty file and of its tests: a second call goes on where the first one ended.
+
+The test that noticed a fault before (`test/mutations/noticed_by.json`, written by --remember) runs first, the others of
+its area only where that one does not notice it any more. Tests run in children of a warm process (`warm_tests`).
 """
 
 from __future__ import annotations
@@ -18,35 +21,42 @@ import json
 import os
 import queue
 import shutil
-import signal
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from mild_core.errors import SetupError, unknown_name
+from test.bench import warm_tests
+from test.bench.warm_tests import LIBRARIES, Call
 from test.mutations import FAULTS
 from test.mutations.fault import INTERPRETED, Fault, faulty
 
 ROOT = Path(__file__).resolve().parents[2]
 LEFT_OUT = (".git", ".venv", ".mild", "out", "__pycache__", ".pytest_cache", ".ruff_cache", ".mypy_cache", "*.egg-info")
-LIMIT_S = 300.0
+LIMIT_S = 120.0
 """Tests of one area take seconds, compilation included; whoever takes so long hangs, which is noticed too."""
 
 FAILED, COLLECTED_IN_VAIN = 1, 2
 """Exit codes of pytest with which a fault is noticed: a test failed, or a test file could not even be imported."""
 
 QUICK = "not slow and not talks and not heavy"
+NOTICED_BY = "test/mutations/noticed_by.json"
+"""Of the checkout: by fault the test that noticed it."""
+
 PROGRAM = """
-import sys
+import contextlib, sys
 from pathlib import Path
 import mild_core, mild_ros, test
 root = Path(sys.argv[1])
 wrong = [module.__file__ for module in (mild_core, mild_ros, test) if not Path(module.__file__).is_relative_to(root)]
+with contextlib.suppress(ImportError):
+    from mild_core.compiled import _cache_folder
+    print(_cache_folder() or "")
 sys.exit(f"not imported from the copy: {wrong}" if wrong else 0)
 """
 
@@ -59,13 +69,15 @@ class Outcome:
         fault: Its name.
         verdict: `killed`, `hangs` (noticed too), `survived`, or `error`: the tests did not run.
         seconds: How long its tests took.
-        said: The last lines of an error; of a killed one, which test noticed it.
+        said: The last lines of an error; of a killed one, what failed.
+        test: Which test noticed it; "" for none.
     """
 
     fault: str
     verdict: str
     seconds: float
     said: str
+    test: str = ""
 
 
 class Copy:
@@ -82,66 +94,103 @@ class Copy:
         self._environment = {
             **{key: value for key, value in os.environ.items() if not key.startswith(("PYTEST_", "_ROS_WHEELS"))},
             "PYTHONPATH": str(self.tree),
-            "PYTHONDONTWRITEBYTECODE": "1",  # a faulty file has the time of the good one
-            "NUMBA_CACHE_DIR": str(self._kernels),
+            "NUMBA_CACHE_DIR": str(folder / "kernels"),
         }
-        done = self._run([sys.executable, "-P", "-c", PROGRAM, str(self.tree)], 120.0)
-        if done[0] != 0:
-            raise SetupError(
-                str(self.tree), done[1].strip() or "cannot be imported", "run ./mild measure in a checkout"
-            )
+        command = [sys.executable, "-P", "-c", PROGRAM, str(self.tree)]
+        run_in = {"cwd": self.tree, "env": self._environment}
+        done = subprocess.run(command, **run_in, capture_output=True, text=True, timeout=120)
+        if done.returncode != 0:
+            problem = done.stderr.strip().splitlines()[-1:] or ["cannot be imported"]
+            raise SetupError(str(self.tree), problem[0], "run ./mild measure in a checkout")
+        self._kernels, self._planted = done.stdout.strip(), 0
+        self._warm: subprocess.Popen[str] | None = None
 
-    def _run(self, command: Sequence[str], limit_s: float, interpreted: bool = False) -> tuple[int | None, str]:
-        """Exit code (None when it takes too long) and output; its processes end with it."""
-        with subprocess.Popen(
-            command,
-            cwd=self.tree,
-            env=self._environment | ({"NUMBA_DISABLE_JIT": "1"} if interpreted else {}),
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            errors="replace",
-            start_new_session=True,
-        ) as process:
-            try:
-                said, code = process.communicate(timeout=limit_s)[0], process.returncode
-            except subprocess.TimeoutExpired:
-                said, code = "", None
-            finally:
-                with contextlib.suppress(ProcessLookupError):
-                    os.killpg(process.pid, signal.SIGKILL)
+    def __enter__(self) -> Copy:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End the warm process."""
+        if self._warm is not None:
+            self._warm.communicate()
+            self._warm = None
+
+    def _run(self, call: Call) -> tuple[int | None, str]:
+        """Exit code (None when it takes too long) and output."""
+        if self._warm is None:
+            command = [sys.executable, "-P", str(Path(warm_tests.__file__)), *LIBRARIES]
+            self._warm = subprocess.Popen(
+                command,
+                cwd=self.tree,
+                env=self._environment,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                text=True,
+            )
+        assert self._warm.stdin is not None
+        assert self._warm.stdout is not None
+        self._warm.stdin.write(json.dumps(call._asdict()) + "\n")
+        self._warm.stdin.flush()
+        code, said = json.loads(self._warm.stdout.readline())
         return code, said
 
     def tested(
-        self, tests: Iterable[str], limit_s: float = LIMIT_S, interpreted: bool = False
+        self, tests: Iterable[str], limit_s: float = LIMIT_S, interpreted: bool = False, changed: str = ""
     ) -> tuple[int | None, str]:
-        """Run quick tests of the copy as it is; interpreted: without numba's compiler."""
-        options = ("-x", "-q", "-m", QUICK, "-p", "no:cacheprovider", "--tb=line", f"--timeout={limit_s:.0f}")
-        return self._run([sys.executable, "-P", "-m", "pytest", *options, *tests], limit_s, interpreted)
+        """Run quick tests of the copy as it is.
 
-    def judge(self, fault: Fault, limit_s: float = LIMIT_S) -> Outcome:
-        """Plant a fault, run the tests of its area and take it out again."""
+        Args:
+            tests: Files, folders or single tests.
+            limit_s: Whoever takes longer hangs.
+            interpreted: Without numba's compiler.
+            changed: The faulty file.
+        """
+        options = ["-x", "-q", "-rfE", "-m", QUICK, "-p", "no:cacheprovider", "--tb=line", f"--timeout={limit_s:.0f}"]
+        return self._run(Call([*options, *tests], limit_s, interpreted, changed, self._kernels))
+
+    def judge(self, fault: Fault, limit_s: float = LIMIT_S, first: str = "") -> Outcome:
+        """Plant a fault, run the tests of its area and take it out again.
+
+        Args:
+            fault: Which.
+            limit_s: Whoever takes longer hangs.
+            first: The test that may notice it by itself.
+        """
         path, start = self.tree / fault.file, time.monotonic()
         good, times = path.read_bytes(), path.stat()
-        known = self._compiled()
         path.write_text(faulty(fault, self.tree))
+        self._planted += 1  # byte code is kept under a file's time and size
+        os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns + self._planted * 1_000_000_000))
+        code, said = 0, ""
         try:
-            code, said = self.tested(fault.tests, limit_s, b"@compiled" in good and INTERPRETED.issuperset(fault.tests))
+            for tests in ((first,) if first else (), fault.tests):
+                if tests and code not in (FAILED, COLLECTED_IN_VAIN, None):
+                    interpreted = b"@compiled" in good and INTERPRETED.issuperset(t.split("::")[0] for t in tests)
+                    code, said = self.tested(tests, limit_s, interpreted, fault.file)
         finally:
             path.write_bytes(good)
             os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
-            if b"compiled" in good:  # the faulty kernels are of no use to anybody
-                for folder in self._compiled() - known:
-                    shutil.rmtree(folder, ignore_errors=True)
         seconds, lines = time.monotonic() - start, said.strip().splitlines()
         if code is None:
             return Outcome(fault.name, "hangs", seconds, f"longer than {limit_s:.0f} s")
         if code in (FAILED, COLLECTED_IN_VAIN):
-            return Outcome(fault.name, "killed", seconds, next((one for one in lines if "Error" in one), "")[:200])
+            test = next((line.split(" ", 1)[1].split(" - ")[0] for line in lines if line.startswith("FAILED ")), "")
+            return Outcome(fault.name, "killed", seconds, next((x for x in lines if "Error" in x), "")[:200], test)
         return Outcome(fault.name, "error" if code else "survived", seconds, "" if not code else "\n".join(lines[-5:]))
 
-    def _compiled(self) -> set[Path]:
-        return set(self._kernels.glob("kernels-*"))
+
+def noticed_by(root: Path = ROOT) -> Mapping[str, str]:
+    """By fault the test that noticed it before."""
+    try:
+        return dict(json.loads((root / NOTICED_BY).read_text()))
+    except FileNotFoundError:
+        return {}
+
+
+def remember(outcomes: Iterable[Outcome], root: Path = ROOT) -> None:
+    """Keep which tests noticed faults, for the next time."""
+    known = {**noticed_by(root), **{one.fault: one.test for one in outcomes if one.test}}
+    there = {name: known[name] for name in sorted(known) if any(name == fault.name for fault in FAULTS)}
+    (root / NOTICED_BY).write_text(json.dumps(there, indent=2, ensure_ascii=False) + "\n")
 
 
 def key(fault: Fault, root: Path) -> str:
@@ -196,15 +245,16 @@ def alone(folder: Path) -> Iterator[None]:
         yield
 
 
-def passing(copy: Copy, faults: Sequence[Fault], results: Results) -> None:
-    """Show that the tests of all these faults pass where there is no fault.
+def passing(copies: Sequence[Copy], faults: Sequence[Fault], results: Results) -> None:
+    """Show that the tests of all these faults pass where there is no fault, which compiles them too, in every copy.
 
     Raises:
         SetupError: They do not.
     """
     tests = sorted({test for fault in faults for test in fault.tests})
     folders = [test for test in tests if not any(test.startswith(f"{other}/") for other in tests)]
-    digest = hashlib.sha256("\0".join(folders).encode())
+    digest = hashlib.sha256("\0".join([*folders, str(len(copies))]).encode())
+    copy = copies[0]
     for top in ("mild_core", "mild_ros", "test"):
         for path in sorted((copy.tree / top).rglob("*.py")):
             digest.update(path.relative_to(copy.tree).as_posix().encode() + b"\0" + path.read_bytes())
@@ -212,19 +262,25 @@ def passing(copy: Copy, faults: Sequence[Fault], results: Results) -> None:
     if results.get(name) is not None:
         return
     print("the tests without a fault: ", end="", flush=True)
-    start = time.monotonic()
-    code, said = copy.tested(folders, 4 * LIMIT_S)
-    if code == 0 and (uncompiled := sorted(INTERPRETED.intersection(tests))):
-        code, said = copy.tested(uncompiled, LIMIT_S, interpreted=True)
-    if code != 0:
-        last = " / ".join(said.strip().splitlines()[-3:]) if code is not None else "they hang"
-        raise SetupError("the tests without a fault", f"do not pass: {last}", "mend them first: ./mild check")
+    start, uncompiled = time.monotonic(), sorted(INTERPRETED.intersection(tests))
+
+    def passed(copy: Copy) -> tuple[int | None, str]:
+        code, said = copy.tested(folders, 10 * LIMIT_S)
+        if code == 0 and uncompiled:
+            code, said = copy.tested(uncompiled, 3 * LIMIT_S, interpreted=True)
+        return code, said
+
+    with ThreadPoolExecutor(len(copies)) as pool:
+        for code, said in pool.map(passed, copies):
+            if code != 0:
+                last = " / ".join(said.strip().splitlines()[-3:]) if code is not None else "they hang"
+                raise SetupError("the tests without a fault", f"do not pass: {last}", "mend them first: ./mild check")
     results.put(name, Outcome("", "passed", time.monotonic() - start, ""))
     print(f"pass, {time.monotonic() - start:.0f} s", flush=True)
 
 
 def run(faults: Sequence[Fault], jobs: int, folder: Path, source: Path = ROOT) -> list[Outcome]:
-    """Judge every fault, those first that take longest, and tell of each.
+    """Judge every fault and tell of each.
 
     Args:
         faults: Which.
@@ -245,34 +301,31 @@ def run(faults: Sequence[Fault], jobs: int, folder: Path, source: Path = ROOT) -
     if found:
         print(f"{len(found)} of {len(faults)} are known from before")
     if todo:
-        copies: queue.SimpleQueue[Copy] = queue.SimpleQueue()
-        first = Copy(source, folder / "copy-0")
-        passing(first, todo, results)
-        copies.put(first)
-        for number in range(1, min(jobs, len(todo))):
-            copies.put(Copy(source, folder / f"copy-{number}"))
+        with contextlib.ExitStack() as stack:
+            hints, free = noticed_by(source), queue.SimpleQueue[Copy]()
+            copies = [stack.enter_context(Copy(source, folder / f"copy-{n}")) for n in range(min(jobs, len(todo)))]
+            passing(copies, todo, results)
+            for copy in copies:
+                free.put(copy)
 
-        def judged(fault: Fault) -> Outcome:
-            copy = copies.get()
-            try:
-                return copy.judge(fault)
-            finally:
-                copies.put(copy)
+            def judged(fault: Fault) -> Outcome:
+                copy = free.get()
+                try:
+                    return copy.judge(fault, first=hints.get(fault.name, ""))
+                finally:
+                    free.put(copy)
 
-        start = time.monotonic()
-        with ThreadPoolExecutor(min(jobs, len(todo))) as pool:
-            running = {pool.submit(judged, fault): fault for fault in todo}
-            for done, future in enumerate(as_completed(running), 1):
-                outcome = future.result()
-                found[outcome.fault] = outcome
-                if outcome.verdict != "error":
-                    results.put(keys[outcome.fault], outcome)
-                left_s = (time.monotonic() - start) / done * (len(todo) - done)
-                print(
-                    f"[{done}/{len(todo)}, {left_s / 60:.0f} min left] {outcome.verdict:8} {outcome.seconds:5.1f} s  "
-                    f"{outcome.fault}",
-                    flush=True,
-                )
+            start = time.monotonic()
+            with ThreadPoolExecutor(len(copies)) as pool:
+                running = {pool.submit(judged, fault): fault for fault in todo}
+                for done, future in enumerate(as_completed(running), 1):
+                    outcome = future.result()
+                    found[outcome.fault] = outcome
+                    if outcome.verdict != "error":
+                        results.put(keys[outcome.fault], outcome)
+                    left_s = (time.monotonic() - start) / done * (len(todo) - done)
+                    told = f"[{done}/{len(todo)}, {left_s / 60:.0f} min left] {outcome.verdict:8}"
+                    print(f"{told} {outcome.seconds:5.1f} s  {outcome.fault}", flush=True)
     return [found[fault.name] for fault in faults]
 
 
@@ -298,6 +351,7 @@ def main() -> int:
     words.add_argument("fault", nargs="*", help="names of faults, or parts of their files' names; all by default")
     words.add_argument("--jobs", type=int, default=min(2, os.cpu_count() or 1), help="faults at a time (%(default)s)")
     words.add_argument("--list", action="store_true", help="only list the faults")
+    words.add_argument("--remember", action="store_true", help=f"write down in {NOTICED_BY} which tests noticed them")
     given = words.parse_args()
     faults = list(FAULTS)
     if given.fault:
@@ -311,6 +365,8 @@ def main() -> int:
     folder = ROOT / ".mild" / "mutations"
     with alone(folder):
         outcomes = run(faults, max(1, given.jobs), folder)
+    if given.remember:
+        remember(outcomes)
     print(report(faults, outcomes))
     return int(any(one.verdict in ("survived", "error") for one in outcomes))
 

@@ -22,13 +22,14 @@ CONTENT = b"trials" * 50_000
 
 @pytest.fixture
 def publisher() -> Iterator[str]:
-    """The address of a server on this machine that gives `CONTENT`, then more than it should."""
+    """The address of a server on this machine that gives `CONTENT`, more than it, or as much of something else."""
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
             self.send_response(200)
             self.end_headers()
-            self.wfile.write(CONTENT + b"more" * (self.path == "/more"))
+            given = {"/more": CONTENT + b"more", "/other": CONTENT[::-1]}.get(self.path, CONTENT)
+            self.wfile.write(given)
 
         def log_message(self, *_: object) -> None:
             pass
@@ -73,7 +74,7 @@ def test_a_fetched_recording_lies_where_training_looks_for_it(
     assert NUISI.default_path().read_bytes() == CONTENT
 
 
-@pytest.mark.parametrize("path", ["/more", None])
+@pytest.mark.parametrize("path", ["/more", "/other", None])
 def test_what_is_not_whole_and_right_is_not_kept(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,

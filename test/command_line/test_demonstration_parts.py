@@ -3,11 +3,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from mild_core.errors import SetupError
 from mild_core.signals import JointMeasurement
+from mild_ros.bag_clock import Clock, judge_clock
+from mild_ros.command_line.cutting import bag_names
 from mild_ros.demonstrations.labels import (
     UNLABELLED,
     UNUSABLE,
@@ -19,7 +23,6 @@ from mild_ros.demonstrations.labels import (
     spans_said,
 )
 from mild_ros.demonstrations.settings import DemonstrationSettings, read_settings
-from mild_ros.demonstrations.streams import Clock, judge_clock
 from mild_ros.demonstrations.tracks import joints_on_grid, on_grid
 
 S = 10**9
@@ -124,3 +127,29 @@ def test_a_wrong_file_is_named_in_one_line(tmp_path, text: str, said: str) -> No
     with pytest.raises(SetupError, match=said):
         read_settings(tmp_path / "cut.toml")
     assert read_settings(None) == DemonstrationSettings()
+
+
+@pytest.mark.parametrize(
+    ("paths", "names"),
+    [
+        (["one", "two"], ["one", "two"]),
+        (["monday/recorded", "tuesday/recorded", "handshake"], ["monday_recorded", "tuesday_recorded", "handshake"]),
+        (["a/x/recorded", "b/x/recorded"], ["a_x_recorded", "b_x_recorded"]),
+        (["take 1.5", "take 1.6"], ["take 1.5", "take 1.6"]),
+        (["monday/take.mcap", "tuesday/take.mcap"], ["monday_take", "tuesday_take"]),
+        (["a/b_c", "a_b/c", "x/b_c", "x/c"], ["a_b_c_1", "a_b_c_2", "x_b_c_3", "x_c_4"]),
+    ],
+)
+def test_bags_of_one_name_are_told_apart_by_the_folders_above(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, paths: list[str], names: list[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for path in map(Path, paths):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if path.suffix == ".mcap":
+            path.touch()
+        else:
+            path.mkdir()
+    assert bag_names([Path(path) for path in paths]) == names
+    with pytest.raises(SetupError, match="is given twice"):
+        bag_names([Path(paths[0]), tmp_path / paths[0]])

@@ -7,14 +7,19 @@ import json
 import os
 import subprocess
 import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from sensor_msgs.msg import JointState
 
 from mild_ros import doctor
+from mild_ros.dds_variables import VARIABLES
+from test.ros.processes import Probe
 
 
 def test_two_processes_hear_each_other_and_the_rest_is_well(ros_domain: int) -> None:
@@ -87,9 +92,149 @@ def test_running_nodes_are_told_of_in_their_own_words(ros_domain: int) -> None:
     assert finding.seen == f"perception: {problem} (skeleton 4.9 Hz)"
 
 
+NO_SERVER = "127.0.0.1:4"  # a port that nobody but root can have, and no discovery server has
+
+
+def test_every_variable_of_dds_is_named_with_what_it_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_STATIC_PEERS", "10.0.0.7")
+    finding = doctor.environment()
+    assert finding.well
+    assert f"ROS_STATIC_PEERS=10.0.0.7 ({VARIABLES['ROS_STATIC_PEERS'].does})" in finding.seen
+    for name in VARIABLES:
+        monkeypatch.setenv(name, "somewhere")
+    seen = doctor.environment().seen
+    assert all(f"{name}=somewhere (" in seen for name in VARIABLES)
+    for name in VARIABLES:
+        monkeypatch.delenv(name)
+    assert doctor.environment() == doctor.Finding("DDS settings", True, "nothing is set that changes DDS")
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("ROS_DISCOVERY_SERVER", NO_SERVER, f"no server runs at {NO_SERVER}"),
+        ("ROS_DISCOVERY_SERVER", f"10.0.0.7:11811;{NO_SERVER}", f"no server runs at {NO_SERVER}"),
+        ("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF", "no node finds another"),
+        ("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCAL", "no range: set one of SUBNET, LOCALHOST"),
+        ("RMW_IMPLEMENTATION", "rmw_cyclonedds_cpp", "is not installed here"),
+        ("FASTRTPS_DEFAULT_PROFILES_FILE", "/nowhere/profile.xml", "no such file"),
+        ("FASTDDS_DEFAULT_PROFILES_FILE", "/nowhere/profile.xml", "no such file"),
+        ("ROS_SECURITY_ENABLE", "true", "there is no keystore"),
+    ],
+)
+def test_a_value_that_keeps_nodes_apart_is_unwell(
+    name: str, value: str, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(name, value)
+    finding = doctor.environment()
+    assert not finding.well
+    assert f"{name}: {words}" in finding.remedy
+
+
+def test_a_variable_that_makes_nodes_deaf_is_named_as_the_cause(
+    ros_domain: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ROS_DISCOVERY_SERVER", NO_SERVER)
+    monkeypatch.setenv("ROS_STATIC_PEERS", "127.0.0.1")
+    monkeypatch.setattr(doctor, "DISCOVERY_PATIENCE_S", 3.0)
+    monkeypatch.setattr(doctor, "AGAIN_PATIENCE_S", 6.0)
+    finding = doctor.discovery()
+    assert not finding.well
+    assert finding.remedy.startswith(f"unset ROS_DISCOVERY_SERVER: with ROS_DISCOVERY_SERVER={NO_SERVER} nobody")
+
+
+NOISY = """
+import os, sys
+import rclpy
+real = rclpy.init
+def init(**given):
+    os.write(1, b"[RTPS_TRANSPORT_SHM Error] Failed init_port fastrtps_port7413: open_and_lock_file failed")
+    real(**given)
+rclpy.init = init
+from mild_ros.hearing import main
+main(sys.argv[3:])
+"""
+
+
+def test_whatever_is_printed_beside_an_answer_does_no_harm(ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As Fast DDS does, from below Python, to standard output, where the answer is expected."""
+    monkeypatch.setattr(doctor, "PYTHON", (sys.executable, "-c", NOISY))
+    assert doctor._heard(("reports", 0.1)) == [{}]
+
+
+def test_a_node_that_is_seen_and_not_heard_is_found_by_name(ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A node that has nothing to say answers when it is asked; one that does not is not heard."""
+    monkeypatch.setattr(doctor, "SENDERS_PATIENCE_S", 3.0)
+    with closing(Probe("/left")) as driver:
+        driver.node.create_publisher(JointState, "joint_states", 10)
+        with ThreadPoolExecutor() as pool:
+            asked = pool.submit(doctor.reception)
+            while not asked.done():
+                driver.spin()
+        heard, unheard = asked.result(), doctor.reception()
+    assert heard.well, heard
+    assert heard.seen.startswith("1 other node")
+    assert not unheard.well
+    assert "/left/probe publishes /left/joint_states, and nothing of it arrives" in unheard.seen
+    assert "FASTDDS_BUILTIN_TRANSPORTS=UDPv4" in unheard.remedy
+
+
+def start_simulation(log: Path, *before: str) -> subprocess.Popen[bytes]:
+    """A simulated robot that is ready, started by the words `before`."""
+    command = [*before, sys.executable, "-P", "-m", "mild_ros.simulation_node"]
+    with log.open("wb") as output:
+        process = subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT)
+    deadline = time.monotonic() + 120
+    while b"stands at home" not in log.read_bytes():
+        assert process.poll() is None, log.read_text()
+        assert time.monotonic() < deadline, log.read_text()
+        time.sleep(0.05)
+    return process
+
+
+@pytest.mark.heavy
+@pytest.mark.parametrize("transports", ["", "UDPv4"])
+def test_another_users_node_is_found_and_the_remedy_works(
+    transports: str, ros_domain: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two users of one machine and one /dev/shm: neither may open the other's shared memory."""
+    if os.geteuid():
+        pytest.skip("needs root, to be two users")
+    tmp_path.chmod(0o777)
+    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path))
+    # Reads what we read, wherever Python is installed, but opens nobody's shared memory for writing.
+    reads = ("--inh-caps", "+dac_read_search", "--ambient-caps", "+dac_read_search")
+    user = ("setpriv", "--reuid", "54321", "--regid", "54321", "--clear-groups", *reads)
+    process = start_simulation(tmp_path / "log", *user, "env", f"HOME={tmp_path}")
+    if transports:  # as the remedy says, and of one side only
+        monkeypatch.setenv("FASTDDS_BUILTIN_TRANSPORTS", transports)
+        monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET")
+    try:
+        finding = doctor.reception()
+    finally:
+        process.terminate()
+        process.wait(20)
+    if transports:
+        assert finding.well, finding
+    else:
+        assert not finding.well
+        assert "/joint_states" in finding.seen
+        assert "here runs a node of user 54321" in finding.seen
+        assert "ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET FASTDDS_BUILTIN_TRANSPORTS=UDPv4" in finding.remedy
+
+
+def test_without_ros_it_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doctor, "find_spec", lambda name: None)
+    with doctor.examinations() as asked:
+        findings = [one() for one in asked]
+    assert [(one.subject, one.seen) for one in findings if not one.well] == [("ROS 2", doctor.distribution().seen)]
+    assert doctor.distribution().seen.startswith("not installed here")
+
+
 def test_without_another_machine_it_says_what_to_do(ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(doctor, "MACHINES_PATIENCE_S", 0.5)
-    *_, last = (examination for examination in doctor.examinations(machines=True))
-    finding = last()
+    monkeypatch.setattr(doctor, "LISTENING", ())
+    with doctor.examinations(machines=True) as asked:
+        finding = asked[-1]()
     assert (finding.subject, finding.well) == ("Other machines", False)
     assert "ROS_STATIC_PEERS" in finding.remedy

@@ -175,7 +175,7 @@ def test_interactions_left_out_are_told_by_share_and_area(four_by_four, tmp_path
             assert 0.0 <= told[name][score]["share"] <= 1.0
             assert 0.0 <= told[name][score]["area"] <= 1.0
     assert "| rocket |" in (tmp_path / "out" / "unknown_buetepage_hr_next.md").read_text()
-    few = write(tmp_path / "few.npz", [track(i, 90) for i in range(8)], [one_hot(i // 4, 90) for i in range(8)])
+    few = write(tmp_path / "few.npz", [smooth_track(i, 90) for i in range(8)], [one_hot(i // 4, 90) for i in range(8)])
     assert run("evaluate", "--unknown", "--data", str(few)) == 2
     assert "shows only hand_wave, handshake" in capsys.readouterr().err
 
@@ -183,13 +183,16 @@ def test_interactions_left_out_are_told_by_share_and_area(four_by_four, tmp_path
 def test_too_few_trials_for_folds_are_said_before_anything_starts(tmp_path, capsys):
     data = write(
         tmp_path / "a.npz",
-        [track(index, 90) for index in range(5)],
+        [smooth_track(index, 90) for index in range(5)],
         [one_hot(int(index > 2), 90) for index in range(5)],
     )
     assert run("evaluate", "--cv", "--data", str(data), "--out", str(tmp_path / "out")) == 2
     assert "interaction 'handshake' has 2 training trials" in capsys.readouterr().err
     frames = [79, *[90] * 15]
-    tracks, labels = [track(i, n) for i, n in enumerate(frames)], [one_hot(i // 4, n) for i, n in enumerate(frames)]
+    tracks, labels = (
+        [smooth_track(i, n) for i, n in enumerate(frames)],
+        [one_hot(i // 4, n) for i, n in enumerate(frames)],
+    )
     for what in ("--cv", "--unknown"):
         write(tmp_path / "a.npz", tracks, labels)
         assert run("evaluate", what, "--data", str(data), "--protocol", "ahead") == 2

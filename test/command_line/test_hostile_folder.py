@@ -4,14 +4,18 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from mild_core.errors import SetupError
+from mild_ros import share
 from mild_ros.message_types import interface_class, message_class
 from mild_ros.processes import PYTHON, Nodes
+from mild_ros.share import model_folder, share_folder
 from test.habits.tree import ROOT, plant
 
 MODULES = (
@@ -128,3 +132,23 @@ def test_installed_interfaces_are_found() -> None:
     assert message_class("sensor_msgs/msg/JointState").__name__ == "JointState"
     assert interface_class("std_srvs/srv/SetBool").__name__ == "SetBool"
     assert message_class("std_srvs/srv/SetBool") is None
+
+
+def test_a_bare_name_means_the_shipped_model_whatever_folder_has_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shipped, mine = "nuisi_partner_next", "my_model"
+    for name in (shipped, mine):
+        shutil.copytree(share_folder("models") / shipped, tmp_path / name)
+    monkeypatch.chdir(tmp_path)
+    share._tell.cache_clear()
+    assert model_folder(shipped) == share_folder("models") / shipped
+    assert capsys.readouterr().err.count(f"the folder of that name here is ./{shipped}\n") == 1
+    for path in (f"./{shipped}", f"{shipped}/", str(tmp_path / shipped)):
+        assert model_folder(path).resolve() == tmp_path / shipped
+    assert capsys.readouterr().err == ""
+    assert model_folder(mine).resolve() == tmp_path / mine
+    assert capsys.readouterr().err == "mild: model my_model: the folder of that name here is taken\n"
+    for absent in ("nuisi_partner_nxt", "./nuisi", f"{shipped}/none"):
+        with pytest.raises(SetupError, match=shipped):
+            model_folder(absent)

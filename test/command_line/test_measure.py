@@ -16,7 +16,7 @@ from mild_ros.command_line.measure import benches, duration
 from test.bench import BENCHES
 from test.habits.tree import ROOT, plant
 
-THERE = {path.stem for path in (ROOT / "test/bench").glob("[a-z]*.py")}
+THERE = {path.stem for path in (ROOT / "test/bench").glob("[a-z]*.py")} - {"braking", "warm_tests"}
 
 
 def run(*arguments: str) -> int | str:

@@ -17,15 +17,25 @@ from mild_core.errors import SetupError
 from mild_ros.bags import open_bag
 from mild_ros.command_line.main import main
 from mild_ros.command_line.run import NODES
+from mild_ros.operator_client import meant
 from mild_ros.running import check_words
 
 ROOT = Path(__file__).parents[2]
 PATIENCE_S = 60.0
 
 
-def mild(*words: str) -> subprocess.CompletedProcess[str]:
+def mild(*words: str, **variables: str) -> subprocess.Popen[str]:
+    """`./mild` with these words, started: several are asked for side by side, since each waits for DDS."""
     command = [sys.executable, "-m", "mild_ros.command_line.main", *words]
-    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S)
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    return subprocess.Popen(command, cwd=ROOT, env=os.environ | variables, text=True, **pipes)
+
+
+def ended(started: subprocess.Popen[str]) -> subprocess.CompletedProcess[str]:
+    """What it has said, and its exit code."""
+    with started:
+        said = started.communicate(timeout=PATIENCE_S)
+    return subprocess.CompletedProcess(started.args, started.returncode, *said)
 
 
 @pytest.fixture(scope="module")
@@ -50,15 +60,17 @@ def pipeline(ros_domain: int, tmp_path_factory: pytest.TempPathFactory):  # type
 
 
 def test_status_shows_every_node_and_its_mode(pipeline: subprocess.Popen[bytes]) -> None:
-    shown = mild("status")
+    for_people, for_programs = mild("status"), mild("status", "--json")
+    shown = ended(for_people)
     assert shown.returncode == 0, shown.stderr
     assert "pipeline: waiting" in shown.stdout
-    found = json.loads(mild("status", "--json").stdout)
+    found = json.loads(ended(for_programs).stdout)
     assert [one["name"] for one in found] == ["pipeline"]
     assert found[0]["values"]["model"] == "yumi_buetepage_ahead"
 
 
 def test_an_operator_holds_releases_disables_and_resets(pipeline: subprocess.Popen[bytes]) -> None:
+    elsewhere = mild("hold", "--namespace", "left")
     for words, service in (
         (("hold",), "/pipeline/hold"),
         (("hold", "--release"), "/pipeline/hold"),
@@ -66,10 +78,10 @@ def test_an_operator_holds_releases_disables_and_resets(pipeline: subprocess.Pop
         (("enable",), "/pipeline/enable"),
         (("reset",), "/pipeline/reset"),
     ):
-        answered = mild(*words)
+        answered = ended(mild(*words))
         assert answered.returncode == 0, answered.stderr
         assert service in answered.stdout
-    other = mild("hold", "--namespace", "left")
+    other = ended(elsewhere)
     assert other.returncode == 2
     assert "no node with ~/hold under left" in other.stderr
 
@@ -93,14 +105,28 @@ def test_record_writes_a_bag_and_ends_with_control_c(pipeline: subprocess.Popen[
         assert set(opened.topics) == {"/diagnostics"}
 
 
-def test_where_nothing_runs_it_is_one_line(ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    empty = dict(os.environ, ROS_DOMAIN_ID="102")
-    for words in (("status",), ("hold",)):
-        command = [sys.executable, "-m", "mild_ros.command_line.main", *words]
-        done = subprocess.run(command, cwd=ROOT, env=empty, capture_output=True, text=True, timeout=PATIENCE_S)
+def test_where_nothing_runs_it_is_one_line(ros_domain: int) -> None:
+    for started in [mild(word, ROS_DOMAIN_ID="102") for word in ("status", "hold")]:
+        done = ended(started)
         assert done.returncode == 2
         assert len(done.stderr.strip().splitlines()) == 1
         assert "ROS domain 102" in done.stderr
+
+
+def test_a_call_means_the_services_of_its_name_and_type_under_its_namespace() -> None:
+    setting, trigger = "std_srvs/srv/SetBool", "std_srvs/srv/Trigger"
+    found = [
+        ("/right/pipeline/hold", [setting]),
+        ("/left/pipeline/hold", [setting]),
+        ("/leftover/pipeline/hold", [setting]),
+        ("/left/pipeline/reset", [trigger]),
+        ("/left/gripper/hold", [trigger]),
+        ("/left/pipeline/withhold", [setting]),
+    ]
+    assert meant("hold", "", found) == ["/left/pipeline/hold", "/leftover/pipeline/hold", "/right/pipeline/hold"]
+    assert meant("hold", "/left/", found) == meant("hold", "left", found) == ["/left/pipeline/hold"]
+    assert meant("reset", "", found) == ["/left/pipeline/reset"]
+    assert meant("enable", "", found) == []
 
 
 def test_an_unknown_node_suggests_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:

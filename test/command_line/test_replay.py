@@ -16,6 +16,7 @@ from mild_ros.command_line.main import main
 from mild_ros.parameter_files import changed, read_parameters
 from mild_ros.settings import PipelineParameters
 from mild_ros.trial_bag import NEUTRAL_S, write_trial
+from test.habits.tree import ROOT
 
 OF_TWO_NODES = """
 /**:
@@ -70,6 +71,19 @@ def test_what_needs_real_time_is_refused_without(
     with pytest.raises(SystemExit, match="2"):
         main(["replay", str(tmp_path / "bag"), "--out", str(tmp_path / "out"), *words])
     assert capsys.readouterr().err.startswith(f"mild: {words[0]}: needs nodes in real time")
+
+
+@pytest.mark.parametrize("words", [["--config", "pepper"], ["--source", "nuitrack", "--dds"]])
+def test_a_bag_of_another_tracker_is_refused_before_anything_runs(
+    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(["replay", str(ROOT / "bags" / "handshake"), "--out", str(tmp_path / "out"), *words])
+    said = capsys.readouterr()
+    assert "handshake: shows nobody to nuitrack: it brings markers 100 to 131 in frame" in said.err
+    assert "set source to azure_kinect" in said.err
+    assert said.out == ""
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("robot", [YUMI, None])

@@ -8,6 +8,7 @@ import pytest
 
 from mild_core.inference.model import load_model
 from test.command_line.test_main import run
+from test.core.learning.made_trials import smooth_track
 from test.core.learning.test_buetepage_hr import one_hot, write
 from test.core.learning.test_nuisi import write as write_people
 
@@ -22,15 +23,6 @@ components = 3
 """
 
 QUICK = ("--epochs", "2", "--members", "1")
-
-
-def smooth_track(index, frames):
-    """16 columns that move like arms do: slowly, and a little differently in each trial."""
-    rng = np.random.default_rng(index)
-    times = np.linspace(0, 2 * np.pi, frames)[:, None]
-    moving = 0.2 * np.sin(times + rng.uniform(0, 0.5, 16)) * rng.uniform(0.5, 1.0, 16)
-    moving[:, :9] += np.array([0, 0, 0, 0.02, 0, -0.18, 0.05, 0, -0.4])
-    return moving
 
 
 @pytest.fixture(scope="module")

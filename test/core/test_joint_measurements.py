@@ -101,6 +101,26 @@ def test_a_bad_message_changes_nothing(names: tuple[str, ...], positions: object
     np.testing.assert_array_equal(tracks.positions_rad, HOME)
 
 
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize(("speed", "outcome"), [(1.8, "measured"), (2.4, "doubted")])
+def test_a_hand_moves_a_joint_up_to_twice_as_fast_as_its_motor_either_way(
+    way: float, speed: float, outcome: str
+) -> None:
+    moved = HOME + way * speed * 0.4 * YUMI.velocity_rad_s * (np.arange(7) == 2)
+    _, outcomes = take((0.0, said(NAMES, HOME)), (0.4, said(NAMES, moved)))
+    assert outcomes == ["measured", outcome]
+
+
+@pytest.mark.parametrize(("beyond_rad", "outcome"), [(-0.01, "measured"), (0.01, "outside_limits")])
+@pytest.mark.parametrize("upper", [False, True])
+def test_a_joint_beyond_either_limit_is_not_believed(upper: bool, beyond_rad: float, outcome: str) -> None:
+    lower_rad, upper_rad = tuple(YUMI.lower_rad.tolist()), tuple(YUMI.upper_rad.tolist())
+    pose = HOME.copy()
+    pose[3] = upper_rad[3] + beyond_rad if upper else lower_rad[3] - beyond_rad
+    merger = JointMerger(NAMES, MERGER.velocity_rad_s, lower_rad, upper_rad)
+    assert merger.take(JointTracks(), said(NAMES, pose), START_NS).outcome == outcome
+
+
 def test_a_late_stamp_does_not_undo_a_newer_one_but_another_clock_is_no_late_stamp() -> None:
     newer, older = said(NAMES, HOME + 0.02, START_NS), said(NAMES, HOME, START_NS - 20 * MS)
     tracks, outcomes = take((0.0, newer), (0.01, older), (0.02, said(NAMES, HOME, START_NS - 10**10)))

@@ -33,6 +33,15 @@ def wrong_commands(text: str) -> list[str]:
     return wrong + re.findall(r"python3? -m (test\.[\w.]+)", text)
 
 
+def only_with_ros2(text: str) -> list[str]:
+    """What is told with the command `ros2` alone, which `./mild` does not bring: a fence, a row or a paragraph each."""
+    fences = re.findall(r"^```.*?^```", text, flags=re.DOTALL | re.MULTILINE)
+    rest = re.sub(r"^```.*?^```", "", text, flags=re.DOTALL | re.MULTILINE)
+    blocks = fences + [part for block in rest.split("\n\n") for part in re.split(r"\n(?=\|)", block)]
+    told = re.compile(r"ros2 (?:(?:run|launch) mild_ros|service|topic)")
+    return [block for block in blocks if told.search(block) and "./mild" not in block]
+
+
 def broken_links(path: Path) -> list[str]:
     """Links and pictures of a document that lead to no file."""
     text = re.sub(r"^```.*?^```", "", path.read_text(), flags=re.DOTALL | re.MULTILINE)
@@ -162,3 +171,23 @@ def test_the_document_is_so(path: Path) -> None:
 def test_the_readme_holds_the_tables() -> None:
     marks = re.findall(r"<!-- generated: (\w+) -->", (ROOT / "README.md").read_text())
     assert {"topics", "parameters"} <= set(marks)
+
+
+TELLING = [path for path in DOCUMENTS if path.name != "CHANGELOG.md"]
+
+
+@pytest.mark.parametrize("path", TELLING, ids=lambda path: str(path.relative_to(ROOT)))
+def test_all_that_is_told_can_be_done_without_ros2(path: Path) -> None:
+    assert only_with_ros2(path.read_text()) == []
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Run\n\n```\nros2 run mild_ros pipeline\n```\n\n./mild demo\n",
+        "| a | ./mild |\n| b | `ros2 service call /x` |\n",
+        "Do `ros2 launch mild_ros live.launch.py`.\n",
+    ],
+)
+def test_what_needs_ros2_is_noticed(text: str) -> None:
+    assert len(only_with_ros2(text)) == 1

@@ -13,7 +13,7 @@ from test.habits.tree import ROOT, Import, imports, is_under, plant, python_file
 
 FOUNDATION = (
     *("mild_core.signals", "mild_core.shapes", "mild_core.errors", "mild_core.compiled", "mild_core.fields"),
-    "mild_core.budgets",
+    *("mild_core.budgets", "mild_core.yaml_budget"),
     *("mild_core.joint_measurements", "mild_core.printable"),
 )
 STAGES = ("mild_core.perception", "mild_core.inference", "mild_core.retargeting")
@@ -40,6 +40,7 @@ LAWS = (
     Law("mild_core/errors.py", FOUNDATION, ("numpy",)),
     Law("mild_core/fields.py", FOUNDATION, ()),
     Law("mild_core/budgets.py", FOUNDATION, ("numpy",)),
+    Law("mild_core/yaml_budget.py", (), ("yaml",)),
     Law("mild_core/compiled.py", (), ("numba",)),
     Law("mild_core/perception/", (*FOUNDATION, "mild_core.perception"), NUMERICS),
     Law("mild_core/inference/", (*FOUNDATION, "mild_core.inference"), NUMERICS),
@@ -49,6 +50,7 @@ LAWS = (
         (*FOUNDATION, "mild_core.retargeting"),
         (*NUMERICS, "daqp", "pinocchio"),
     ),
+    Law("mild_core/retargeting/joint_limits.py", (*FOUNDATION, "mild_core.retargeting"), (*NUMERICS, "yaml")),
     Law("mild_core/pipeline.py", (*FOUNDATION, *STAGES), ("numpy",)),
     Law(
         "mild_core/learning/",

@@ -23,6 +23,8 @@ PLANTED = {
     "types": "def double(x):\n    return x * 2\n",
 }
 
+PACKAGES = ("mild_core", "mild_ros")
+
 
 def _run(name: str, folder: Path) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", *LINTERS[name]]
@@ -41,8 +43,11 @@ def test_the_tree_passes(name: str) -> None:
 def test_a_planted_violation_is_rejected(tmp_path: Path, name: str) -> None:
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
     header = '# SPDX-License-Identifier: Apache-2.0\n"""Planted."""\n\n'
-    plant(tmp_path, "mild_core/__init__.py", header.rstrip() + "\n")
-    plant(tmp_path, "mild_core/planted.py", header.rstrip() + "\n")
+    for package in PACKAGES:
+        plant(tmp_path, f"{package}/__init__.py", header.rstrip() + "\n")
+        plant(tmp_path, f"{package}/planted.py", header.rstrip() + "\n")
     assert _run(name, tmp_path).returncode == 0
-    plant(tmp_path, "mild_core/planted.py", header + PLANTED[name])
-    assert _run(name, tmp_path).returncode == 1
+    for package in PACKAGES:
+        plant(tmp_path, f"{package}/planted.py", header + PLANTED[name])
+        assert _run(name, tmp_path).returncode == 1
+        plant(tmp_path, f"{package}/planted.py", header.rstrip() + "\n")

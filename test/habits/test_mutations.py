@@ -11,7 +11,8 @@ import pytest
 
 from mild_core.errors import SetupError
 from test.bench import mutations
-from test.bench.mutations import Copy, Outcome, Results, key, report, run
+from test.bench.mutations import Copy, Outcome, Results, key, noticed_by, remember, report, run
+from test.bench.warm_tests import importers
 from test.habits.tree import ROOT, functions, parse, plant
 from test.mutations import FAULTS
 from test.mutations.fault import Fault, faulty
@@ -74,8 +75,9 @@ def test_a_fault_that_does_not_fit_is_rejected(tmp_path: Path, changes: dict[str
 
 
 @pytest.fixture(name="tree")
-def _tree(tmp_path: Path) -> Path:
+def _tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A small checkout: a function, a test that knows what it does and one that does not."""
+    monkeypatch.setattr(mutations, "LIBRARIES", ())  # none of its tests imports them
     tree = tmp_path / "tree"
     for name in ("mild_core/__init__.py", "mild_ros/__init__.py", "test/__init__.py"):
         plant(tree, name, "")
@@ -103,19 +105,50 @@ def test_what_the_tests_notice_is_killed_and_what_they_do_not_survives(
 
 def test_what_hangs_is_noticed_and_its_processes_end(tree: Path, tmp_path: Path) -> None:
     stands = GOOD._replace(new="__import__('time').sleep(60)")
-    assert Copy(tree, tmp_path / "work").judge(stands, 3.0).verdict == "hangs"
+    with Copy(tree, tmp_path / "work") as copy:
+        assert copy.judge(stands, 3.0).verdict == "hangs"
 
 
 def test_tests_that_are_not_there_are_an_error_and_no_survivor(tree: Path, tmp_path: Path) -> None:
     plant(tree, "test/test_c.py", "x = 1\n")
-    outcome = Copy(tree, tmp_path / "work").judge(GOOD._replace(tests=("test/test_c.py",)))
-    assert outcome.verdict == "error"
+    with Copy(tree, tmp_path / "work") as copy:
+        assert copy.judge(GOOD._replace(tests=("test/test_c.py",))).verdict == "error"
 
 
 def test_tests_that_fail_without_a_fault_end_it_in_one_line(tree: Path, tmp_path: Path) -> None:
     plant(tree, "test/test_a.py", TEST.format(2, 5))
     with pytest.raises(SetupError, match="do not pass"):
         run((GOOD,), 1, tmp_path / "work", tree)
+
+
+def test_the_test_that_noticed_a_fault_runs_first_and_alone_and_the_others_where_it_does_not(
+    tree: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(mutations, "FAULTS", (GOOD,))
+    with Copy(tree, tmp_path / "work") as copy:
+        found = copy.judge(GOOD)
+        assert (found.verdict, found.test) == ("killed", "test/test_a.py::test_double")
+        plant(tree, "test/mutations/__init__.py", "")
+        remember([found, Outcome("gone", "killed", 1.0, "", "test/test_a.py::test_gone")], tree)
+        assert noticed_by(tree) == {"three": "test/test_a.py::test_double"}
+        assert copy.judge(GOOD._replace(tests=BLIND), first=noticed_by(tree)["three"]).verdict == "killed"
+        for stale in ("test/test_b.py::test_double", "test/test_a.py::test_gone", "test/test_z.py"):
+            assert copy.judge(GOOD, first=stale).verdict == "killed"
+
+
+def test_machine_code_is_kept_but_for_what_a_fault_concerns(tmp_path: Path) -> None:
+    for name, text in {
+        "a": "x = 1",
+        "b": "from mild_core.a import x",
+        "c": "from mild_core import b",
+        "d": "from mild_core.aa import x",
+    }.items():
+        plant(tmp_path, f"mild_core/{name}.py", text)
+    assert importers("mild_core/a.py", tmp_path) == {"mild_core.a", "mild_core.b", "mild_core.c"}
+
+
+def test_every_test_that_noticed_a_fault_is_of_one_that_there_is() -> None:
+    assert noticed_by(ROOT).keys() <= {fault.name for fault in FAULTS}
 
 
 def test_an_outcome_counts_until_the_fault_the_file_or_a_test_beside_it_changes(tree: Path) -> None:

@@ -7,7 +7,7 @@ where the old text of one does not stand exactly once in its file.
 
 from __future__ import annotations
 
-from test.mutations import inference, learning, people, perception, retargeting, shell
+from test.mutations import doubts, inference, learning, people, perception, retargeting, shell
 from test.mutations.fault import Fault
 
 FAULTS: tuple[Fault, ...] = (
@@ -16,5 +16,6 @@ FAULTS: tuple[Fault, ...] = (
     *learning.FAULTS,
     *retargeting.FAULTS,
     *people.FAULTS,
+    *doubts.FAULTS,
     *shell.FAULTS,
 )

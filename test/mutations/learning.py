@@ -13,6 +13,7 @@ NOVELTY = (f"{TESTS}/test_unknown.py",)
 START = (f"{TESTS}/test_start_pose.py",)
 WINDOWS = (f"{TESTS}/test_windows.py", f"{TESTS}/test_corpus.py", f"{TESTS}/test_folds.py")
 EVALUATION = (f"{TESTS}/test_evaluation.py",)
+ODD = (f"{TESTS}/test_odd_trials.py",)
 
 FAULTS = (
     Fault(
@@ -239,5 +240,69 @@ FAULTS = (
         "float(np.mean([np.concatenate(parts).mean() for parts in groups]))",
         "float(np.concatenate([np.concatenate(parts) for parts in groups]).mean())",
         EVALUATION,
+    ),
+    Fault(
+        "an agent who stands still has no variance",
+        "Trials in which somebody stands still end the training with a singular matrix.",
+        "mild_core/inference/priors/demonstrations.py",
+        "np.maximum(variance, max(FLATTEST * variance.max(), LEAST_VARIANCE))",
+        "variance",
+        ODD,
+    ),
+    Fault(
+        "folds that hold nothing out",
+        "One trial of each interaction ends the training with an empty array.",
+        f"{HERE}/novelty.py",
+        "if fold.held_out and {trial.interaction",
+        "if {trial.interaction",
+        ODD,
+    ),
+    Fault(
+        "a robot that never moves is learned from",
+        "A recording without the robot's motion makes a model that stands still.",
+        f"{HERE}/trial_validity.py",
+        "    if largest < least:",
+        "    if largest < 0.0:",
+        ODD,
+    ),
+    Fault(
+        "a robot that moves in one trial never moves",
+        "One trial in which the robot stands condemns the recording.",
+        f"{HERE}/trial_validity.py",
+        "largest = max((float(",
+        "largest = min((float(",
+        ODD,
+    ),
+    Fault(
+        "joints that leap",
+        "A glitch of the robot's angles is learned from.",
+        f"{HERE}/trial_validity.py",
+        "np.abs(np.diff(angles, axis=0)) > LARGEST_STEP_RAD",
+        "np.diff(angles, axis=0) > LARGEST_STEP_RAD",
+        ODD,
+    ),
+    Fault(
+        "bones of any length",
+        "A joint that a tracker has lost for a frame is learned from.",
+        f"{HERE}/trial_validity.py",
+        "_refuse(trial, lengths > high, bones",
+        "_refuse(trial, lengths > 1e3 * high, bones",
+        ODD,
+    ),
+    Fault(
+        "turns do not count",
+        "A joint that is recorded a turn off in one trial is learned as another pose.",
+        f"{HERE}/trial_validity.py",
+        "wrong = (turns != 0.0) &",
+        "wrong = (turns > 1.0) &",
+        ODD,
+    ),
+    Fault(
+        "a partner's arm is not looked at",
+        "Glitches of the second person are learned from.",
+        f"{HERE}/trial_validity.py",
+        """_require_arm(trial, trial.controlled, trial.controlled_names, "the partner's")""",
+        "pass",
+        ODD,
     ),
 )

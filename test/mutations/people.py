@@ -11,6 +11,7 @@ GUARD = (f"{TESTS}/test_guard_geometry.py",)
 OBSTACLES = (f"{TESTS}/test_obstacles.py",)
 YIELDING = (f"{TESTS}/test_yielding.py",)
 BODIES = ("test/core/perception/test_bodies_in_view.py",)
+GATE = (f"{TESTS}/test_start_gate.py",)
 IN_VIEW = "mild_core/perception/bodies.py"
 
 FAULTS = (
@@ -429,5 +430,79 @@ FAULTS = (
         "pairs.append((distance - same * SAME_NUMBER_BONUS_M, place, body.number, body))",
         "pairs.append((distance - same * 1e3, place, body.number, body))",
         BODIES,
+    ),
+    Fault(
+        "the other side's hand",
+        "A hand is judged from the other shoulder, so that one across the body points aside.",
+        f"{HERE}/start_gate.py",
+        "return min(arms, key=",
+        "return max(arms, key=",
+        GATE,
+    ),
+    Fault(
+        "outwards is to the right",
+        "The left hand points aside where the right one comes to the middle.",
+        f"{HERE}/start_gate.py",
+        '(1.0 if side == "right" else -1.0)',
+        "1.0",
+        GATE,
+    ),
+    Fault(
+        "a hand that is raised is watched no longer",
+        "The first motion does not wait for a hand that has been raised for a while.",
+        f"{HERE}/start_gate.py",
+        'return WATCHED if (now_ns - sight.raised_ns) * 1e-9 < settings.start_watch_s else ""',
+        'return WATCHED if (now_ns - sight.raised_ns) * 1e-9 < 0.0 else ""',
+        GATE,
+    ),
+    Fault(
+        "still before the robot set off",
+        "A hand that waited for the robot is at rest as soon as the robot sets off.",
+        f"{HERE}/life.py",
+        "still_s = min(sight.still_s(), (now_ns - state.since_ns) * 1e-9)",
+        "still_s = sight.still_s()",
+        GATE,
+    ),
+    Fault(
+        "still while hands are together",
+        "Hands that are held together end the interaction.",
+        f"{HERE}/life.py",
+        "if still_s > settings.still_after_s and state.near_m > settings.near_m:",
+        "if still_s > settings.still_after_s:",
+        GATE,
+    ),
+    Fault(
+        "only the nearest point of the arm",
+        "Points beside the nearest one may come nearer to somebody who comes as fast as they like.",
+        f"{HERE}/clearance.py",
+        "if comes > 0.0 and most_m_s[number] + comes > surface_m_s:",
+        "if comes > 0.0 and most_m_s[number] + comes > surface_m_s + 1e9:",
+        GUARD,
+    ),
+    Fault(
+        "an arm that is wanted elsewhere as one that gives way",
+        "Every motion may come nearer to somebody by what an arm that gives way turns.",
+        f"{HERE}/guard.py",
+        "LEAST_M_S if giving_way else 0.0",
+        "LEAST_M_S",
+        GUARD,
+    ),
+    Fault(
+        "no word of a camera before people come",
+        "That no hands will meet is said only once somebody has come.",
+        f"{HERE}/stage.py",
+        "return replace(state, no_contact=self._no_contact(state, 0))",
+        "return state",
+        (f"{TESTS}/test_people.py::test_an_unmeasured_camera_is_told_before_anybody_is_seen",),
+    ),
+    Fault(
+        "a hand that may not be touched is offered",
+        "A hand that may not be touched comes as near as it likes before the arm gives way.",
+        f"{HERE}/stage.py",
+        "return among if among.offered < 0 or self._may_touch(state) else replace(among, offered=-1)",
+        "return among",
+        (
+            f"{TESTS}/test_people.py::test_only_a_hand_that_may_be_touched_is_offered_and_others_push_the_arm_away_as_they_come",
+        ),
     ),
 )

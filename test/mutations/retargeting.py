@@ -16,6 +16,7 @@ CONTACT = (f"{TESTS}/test_contact_rules.py",)
 TRACK = (f"{TESTS}/test_human_track.py",)
 PLAN = (f"{TESTS}/test_plan.py",)
 REACH = (f"{TESTS}/test_geometry.py", f"{TESTS}/test_inverse_kinematics.py", f"{TESTS}/test_kinematics.py")
+DESCRIBED = (f"{TESTS}/test_descriptions.py",)
 
 FAULTS = (
     Fault(
@@ -268,18 +269,18 @@ FAULTS = (
     ),
     Fault(
         "joints in the library's order",
-        "Joints come back in the order of the library instead of the robot's.",
+        "Joints go to the library in the robot's order instead of its own.",
         f"{HERE}/inverse_kinematics.py",
-        "result: FloatArray = at[self._order]",
-        "result: FloatArray = at[np.argsort(self._order)]",
+        "spread[row, robot.joint_names.index(leader)], shift[row] = ratio, offset",
+        "spread[row, number - 1], shift[row] = ratio, offset",
         REACH,
     ),
     Fault(
         "a mimic joint without its offset",
         "A joint that copies another one starts at zero.",
         f"{HERE}/kinematics.py",
-        "np.asarray(copied, dtype=np.float64) * joint.multiplier + joint.offset",
-        "np.asarray(copied, dtype=np.float64) * joint.multiplier",
+        "np.asarray(copied, dtype=np.float64) * multiplier + offset",
+        "np.asarray(copied, dtype=np.float64) * multiplier",
         REACH,
     ),
     Fault(
@@ -473,5 +474,69 @@ FAULTS = (
         "commands += new_commands",
         "commands = new_commands",
         PIPELINE,
+    ),
+    Fault(
+        "a stream begins in the past",
+        "A controller that holds a sagging robot elsewhere jumps at the first message.",
+        "mild_core/retargeting/trajectory_stream.py",
+        "stands_until_ns = now_ns + _ns(STAND_S)",
+        "stands_until_ns = now_ns",
+        ("test/ros/test_trajectory_stream.py",),
+    ),
+    Fault(
+        "a stream begins in motion",
+        "The first command moves before the controller is where the stream begins.",
+        "mild_core/retargeting/stage.py",
+        "stands_ns = round(STAND_S * 1e9) if self.settings.execution_delay_s else 0",
+        "stands_ns = 0",
+        ("test/ros/test_trajectory_stream.py",),
+    ),
+    Fault(
+        "soft limits passed over",
+        "The limits of a robot's own safety controller do not count.",
+        f"{HERE}/urdf.py",
+        "lower, upper = narrowed if softened else (lower, upper)",
+        "lower, upper = (lower, upper)",
+        DESCRIBED,
+    ),
+    Fault(
+        "a copy that stands still in the chain",
+        "A joint of the arm that copies a commanded one is at rest for the guard and for inverse kinematics.",
+        f"{HERE}/chain.py",
+        "return leader in robot.joint_names and joint.kind not in FIXED and ratio != 0.0",
+        "return joint.name in robot.joint_names and joint.kind not in FIXED and ratio != 0.0",
+        DESCRIBED,
+    ),
+    Fault(
+        "a loose joint within the arm",
+        "A floating joint between base and tool is taken to stand still.",
+        f"{HERE}/chain.py",
+        "if joint.kind in LOOSE:",
+        "if joint.kind in ():",
+        DESCRIBED,
+    ),
+    Fault(
+        "one line of a description",
+        "What libraries get is written in one line, of which PyBullet reads 8192 characters.",
+        f"{HERE}/rigid_bodies.py",
+        "ElementTree.indent(made)",
+        "len(made)",
+        DESCRIBED,
+    ),
+    Fault(
+        "no table",
+        "The arm does not keep out of the table that it stands on.",
+        f"{HERE}/capsules.py",
+        "if robot.keeps_off_table:",
+        "if not robot:",
+        DESCRIBED,
+    ),
+    Fault(
+        "the widest limit",
+        "Of several files of limits, the widest speed counts.",
+        f"{HERE}/robot_file.py",
+        "narrowest = map(min, one[1:], other[1:])",
+        "narrowest = map(max, one[1:], other[1:])",
+        DESCRIBED,
     ),
 )

@@ -8,7 +8,12 @@ from test.mutations.fault import Fault
 MESSAGES = ("test/ros/test_messages.py",)
 SKELETONS = ("test/ros/test_skeleton_messages.py", "test/ros/test_sources.py", "test/ros/test_joint_by_joint.py")
 REPLAY = ("test/replay/test_replay_events.py", "test/replay/test_encoding.py", "test/replay/test_replay.py")
+OPERATOR = ("test/command_line/test_operate.py",)
+STANDARD = ("test/ros/test_standard_messages.py",)
+DATA = ("test/command_line/test_data.py",)
 SALVAGE = ("test/replay/test_broken_bags.py",)
+INPUTS, STILL = ("test/replay/test_inputs.py",), ("test/replay/test_stillness.py",)
+AGES = ("test/replay/test_bags_of_another_age.py",)
 
 FAULTS = (
     Fault(
@@ -164,6 +169,94 @@ FAULTS = (
         SKELETONS,
     ),
     Fault(
+        "a quaternion of any length",
+        "A frame is moved by a rotation that is none.",
+        "mild_ros/messages/transforms.py",
+        "if abs(norm - 1.0) > UNIT_TO:",
+        "if norm == 0.0:",
+        INPUTS,
+    ),
+    Fault(
+        "short quaternions shorten",
+        "A quaternion of short decimals is taken as it is, and moves what hangs on it.",
+        "mild_ros/messages/transforms.py",
+        "length = math.hypot(rotation.x, rotation.y, rotation.z, rotation.w)",
+        "length = 1.0",
+        INPUTS,
+    ),
+    Fault(
+        "latched messages begin with the replay",
+        "What was latched before `--start` is not sent.",
+        "mild_ros/replay.py",
+        "if start_ns is not None and latched else ():",
+        "if start_ns is None and latched else ():",
+        INPUTS,
+    ),
+    Fault(
+        "a device's clock is the recorder's",
+        "Stamps of a clock of its own are taken as they are.",
+        "mild_ros/replay.py",
+        "if clock.shift_ns == 0:",
+        "if clock.shift_ns is not None:",
+        INPUTS,
+    ),
+    Fault(
+        "the newest version only",
+        "A bag without definitions is read as if it were of Jazzy.",
+        "mild_ros/bag_types.py",
+        "for index in (place, *range(len(forms)))",
+        "for index in (0,)",
+        AGES,
+    ),
+    Fault(
+        "fields by their place",
+        "A bag's own definition counts only where its types differ from those of Jazzy, not its names.",
+        "mild_ros/bag_types.py",
+        "return mine == theirs and all(",
+        "return [kind for _, kind in mine] == [kind for _, kind in theirs] and all(",
+        AGES,
+    ),
+    Fault(
+        "a summary is believed",
+        "An mcap whose summary leaves out what rosbags relies on is read without what is missing.",
+        "mild_ros/salvage_mcap.py",
+        "if counted != reader.metadata.message_count or not named:",
+        "if counted > reader.metadata.message_count:",
+        AGES,
+    ),
+    Fault(
+        "paths as addresses",
+        "A `#` or `?` in a path ends it.",
+        "mild_ros/bag_budgets.py",
+        'apsw.Connection(f"file:{quote(path)}?{query}"',
+        'apsw.Connection(f"file:{path}?{query}"',
+        AGES,
+    ),
+    Fault(
+        "a lock-step without its recorder",
+        "The next event is sent before a recorder has written down the one before.",
+        "mild_ros/sending.py",
+        "return self._tokens == 0 and self._begun and self._told <= self._recorded",
+        "return self._tokens == 0 and self._begun",
+        REPLAY,
+    ),
+    Fault(
+        "fewer than none were lost",
+        "Messages that only the recorder missed count as lost before perception, below zero.",
+        "mild_ros/report.py",
+        "lost=max(len(run.tracker_arrived_ns) - len(seen), 0) if seen else None,",
+        "lost=len(run.tracker_arrived_ns) - len(seen) if seen else None,",
+        STILL,
+    ),
+    Fault(
+        "whoever trembles has moved",
+        "A robot that stayed where it was counts as one that moved.",
+        "mild_ros/stillness.py",
+        ".max() > STILL_RAD)",
+        ".max() > 0.0)",
+        STILL,
+    ),
+    Fault(
         "ticks after the message",
         "A tick at the time of a message comes after it, other than over DDS.",
         "mild_ros/replay_events.py",
@@ -223,8 +316,8 @@ FAULTS = (
         "shift in the wrong direction",
         "A restamped message is moved back by what it should be moved on.",
         "mild_ros/encoding.py",
-        'values["nanosec"] + shift_ns, 10**9)',
-        'values["nanosec"] - shift_ns, 10**9)',
+        "return stamp_ns + shift_ns if at_ns is None else at_ns",
+        "return stamp_ns - shift_ns if at_ns is None else at_ns",
         REPLAY,
     ),
     Fault(
@@ -266,5 +359,77 @@ FAULTS = (
         "loss.messages, misses = loss.messages + misses, 0",
         "misses = 0",
         SALVAGE,
+    ),
+    Fault(
+        "a namespace by its first letters",
+        "A call to the nodes under `left` reaches those under `leftover` too.",
+        "mild_ros/operator_client.py",
+        """f"/{namespace.strip('/')}/" if namespace""",
+        """f"/{namespace.strip('/')}" if namespace""",
+        OPERATOR,
+    ),
+    Fault(
+        "a service by its name alone",
+        "A call reaches services of others that have the name and another type.",
+        "mild_ros/operator_client.py",
+        " and wanted in types",
+        "",
+        OPERATOR,
+    ),
+    Fault(
+        "a closed terminal kills the node",
+        "SIGHUP ends a node outright, with the robot in motion.",
+        "mild_ros/running.py",
+        "for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGALRM):",
+        "for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):",
+        ("test/ros/test_signals.py",),
+    ),
+    Fault(
+        "nohup is overruled",
+        "A node that was started to outlive its terminal ends with it.",
+        "mild_ros/running.py",
+        "if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:",
+        "if number:",
+        ("test/ros/test_signals.py",),
+    ),
+    Fault(
+        "lists of no length",
+        "A field of so many numbers is empty in a stand-in.",
+        "mild_ros/messages/standard.py",
+        "_zero(detail[0]) for _ in range(detail[1])",
+        "_zero(detail[0]) for _ in range(0)",
+        STANDARD,
+    ),
+    Fault(
+        "stand-ins take anything",
+        "A stand-in swallows a field that the message does not have.",
+        "mild_ros/messages/standard.py",
+        "        if given:\n",
+        "        if given is None:\n",
+        STANDARD,
+    ),
+    Fault(
+        "any content is kept",
+        "A recording whose content is not the publisher's is kept.",
+        "mild_ros/command_line/data.py",
+        "if digest.hexdigest() != download.sha256:",
+        "if size != download.size_bytes:",
+        DATA,
+    ),
+    Fault(
+        "half a file stays",
+        "What came of a recording before its publisher ceased to send lies about.",
+        "mild_ros/command_line/data.py",
+        "        Path(part).unlink(missing_ok=True)\n",
+        "        pass\n",
+        DATA,
+    ),
+    Fault(
+        "a bag of another tracker is replayed",
+        "A bag in which the tracker sees nobody runs to its end.",
+        "mild_ros/bag_people.py",
+        "        if found:\n            wrong[found] += 1",
+        "        if not found:\n            wrong[found] += 1",
+        ("test/command_line/test_replay.py",),
     ),
 )

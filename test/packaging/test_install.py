@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import NamedTuple
 
 import pytest
 
-from test.packaging.trees import ROOT, copy_of_checkout, run, venv_beside_ours
+from test.packaging.trees import ROOT, copy_of_checkout, run, venv_beside_ours, venv_without_ros
 
 EXECUTABLES = {
     "perception",
@@ -48,6 +49,17 @@ def by_pip(tmp_path_factory: pytest.TempPathFactory) -> Installed:
     result = run([sys.executable, "-m", "pip", "--python", python, "install", *options, str(source)], folder)
     assert result.returncode == 0, result.stdout + result.stderr
     return Installed(venv, [python], {"AMENT_PREFIX_PATH": str(venv)})
+
+
+@pytest.fixture(scope="module")
+def without_ros(tmp_path_factory: pytest.TempPathFactory) -> Installed:
+    folder = tmp_path_factory.mktemp("without_ros")
+    source, venv = copy_of_checkout(folder / "source"), venv_without_ros(folder / "venv")
+    python = str(venv / "bin" / "python")
+    options = ["--no-deps", "--no-build-isolation", "--ignore-installed", "--quiet"]
+    result = run([sys.executable, "-m", "pip", "--python", python, "install", *options, str(source)], folder)
+    assert result.returncode == 0, result.stdout + result.stderr
+    return Installed(venv, [python], {})
 
 
 @pytest.fixture(scope="module")
@@ -102,6 +114,21 @@ def test_ros2_run_finds_the_executables(installed: Installed) -> None:
 
 
 @pytest.mark.slow
+def test_pip_puts_mild_alone_into_the_path(by_pip: Installed) -> None:
+    ours = {path.name for path in (by_pip.prefix / "bin").iterdir() if path.name in EXECUTABLES}
+    assert ours == {"mild"}
+
+
+@pytest.mark.slow
+def test_mild_run_finds_the_nodes(by_pip: Installed, tmp_path: Path) -> None:
+    """And so does the launcher for `ros2 run`, which calls it."""
+    for command in (["bin/mild", "run", "record"], ["lib/mild_ros/record"]):
+        words = [str(by_pip.prefix / command[0]), *command[1:], "--ros-args", "-p", f"bag:={tmp_path}"]
+        result = run(words, tmp_path, **by_pip.variables)
+        assert (result.returncode, "exists already" in result.stderr) == (2, True), result.stderr
+
+
+@pytest.mark.slow
 def test_an_executable_starts_what_was_installed(installed: Installed, tmp_path: Path) -> None:
     """A wrong set-up ends it at once, with the line that tells of it: so it found its code, ROS and its models."""
     node = str(installed.prefix / "lib" / "mild_ros" / "inference")
@@ -111,3 +138,31 @@ def test_an_executable_starts_what_was_installed(installed: Installed, tmp_path:
     assert result.returncode == 2, result.stderr
     assert "'no_such_model' is unknown" in result.stderr
     assert "Traceback" not in result.stderr
+
+
+@pytest.mark.slow
+def test_without_ros_models_are_told_and_the_rest_is_one_line(without_ros: Installed, tmp_path: Path) -> None:
+    mild = str(without_ros.prefix / "bin" / "mild")
+    shown = run([mild, "models"], tmp_path)
+    assert (shown.returncode, "yumi_buetepage_ahead" in shown.stdout) == (0, True), shown.stderr
+    for words in (["demo"], ["run", "pipeline"], ["launch", "live"], ["status"]):
+        told = run([mild, *words], tmp_path)
+        assert (told.returncode, told.stderr.count("\n")) == (2, 1), (words, told.stderr)
+        assert "mild: ROS 2: is not installed here" in told.stderr
+
+
+@pytest.mark.heavy
+@pytest.mark.timeout(900)
+def test_without_ros_a_bag_is_replayed_and_viewed(without_ros: Installed, tmp_path: Path) -> None:
+    mild = str(without_ros.prefix / "bin" / "mild")
+    found = run([mild, "doctor", "--json"], tmp_path)
+    unwell = [one for one in json.loads(found.stdout) if not one["well"]]
+    assert [one["subject"] for one in unwell] == ["ROS 2"], found.stdout
+    assert unwell[0]["seen"].startswith("not installed here")
+    bag = str(without_ros.prefix / "share" / "mild_ros" / "bags" / "handshake")
+    replayed = run([mild, "replay", bag, "--out", "run"], tmp_path)
+    assert (replayed.returncode, "SHA-256" in replayed.stdout) == (0, True), replayed.stderr
+    viewed = run([mild, "view", "run/recorded", "--out", "seen"], tmp_path)
+    assert viewed.returncode == 0, viewed.stderr
+    for folder in ("run", "seen"):
+        assert {"filmstrip.png", "page.html", "plots.png"} <= {path.name for path in (tmp_path / folder).iterdir()}

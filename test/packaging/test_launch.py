@@ -3,18 +3,23 @@
 
 from __future__ import annotations
 
-import ast
+import subprocess
+import sys
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
 import yaml
 
+from mild_core.errors import SetupError
 from mild_core.retargeting.robot_file import find_robot
 from mild_ros.assembly.perception import manifest_of
 from mild_ros.assembly.robot import check_fit
 from mild_ros.bag_settings import RecordParameters, ReplayParameters
+from mild_ros.bags import open_bag
 from mild_ros.controllers import OUTPUTS
 from mild_ros.joint_naming import joint_naming
+from mild_ros.launching import LAUNCHES, commands, read_arguments
 from mild_ros.parameter_files import read_parameters
 from mild_ros.settings import NODES, PipelineParameters
 from mild_ros.share import model_names
@@ -43,35 +48,78 @@ def test_every_configuration_is_accepted(path: Path) -> None:
         assert given.model in CONFIGURATIONS_TO_LEARN, "there is no such model, and no way to get it"
 
 
-@pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.stem)
-def test_a_launch_file_names_what_there_is(path: Path) -> None:
-    tree = ast.parse(path.read_text())
-    calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call) and ast.unparse(node.func) == "Node"]
-    executables = {keyword.value.value for call in calls for keyword in call.keywords if keyword.arg == "executable"}
-    assert executables, "starts something"
-    assert executables <= PARAMETERS.keys()
-    arguments = next(node.value for node in tree.body if isinstance(node, ast.Assign))
-    assert all(ast.literal_eval(arguments).values()), "every argument is explained"
-    for word in (node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)):
-        if isinstance(word, str) and word.endswith(".launch.py") and " " not in word:
-            assert (path.parent / word).is_file()
+@pytest.mark.parametrize("name", LAUNCHES)
+def test_a_launch_names_what_there_is(name: str) -> None:
+    wanted = LAUNCHES[name]
+    assert all(text for _, text in wanted.arguments.values()), "every argument is explained"
+    for node in wanted.nodes:
+        known = {entry.name for entry in fields(PARAMETERS[node.executable])} | {"use_sim_time"}
+        assert {*node.parameters, *node.fixed} <= known
+        assert {*node.parameters.values(), *node.topics.values()} <= wanted.arguments.keys()
+        assert not node.only_with or node.only_with in wanted.arguments
+    path = ROOT / f"mild_ros/launch/{name}.launch.py"
+    assert f'describe("{name}")' in path.read_text()
+    assert wanted.text in path.read_text()
+    assert {file.name for file in LAUNCH_FILES} == {f"{each}.launch.py" for each in LAUNCHES}
 
 
 @pytest.mark.parametrize("name", ["live", "simulation"])
 def test_nodes_of_a_robot_are_started_again_unless_it_is_forbidden(name: str) -> None:
-    tree = ast.parse((ROOT / f"mild_ros/launch/{name}.launch.py").read_text())
-    arguments = next(ast.literal_eval(node.value) for node in tree.body if isinstance(node, ast.Assign))
-    assert arguments["respawn"][0] == "true"
-    nodes = [node for node in ast.walk(tree) if isinstance(node, ast.Call) and ast.unparse(node.func) == "Node"]
-    for node in nodes:
-        given = {keyword.arg: ast.unparse(keyword.value) for keyword in node.keywords}
-        assert (given["respawn"], given["respawn_delay"]) == ("given['respawn']", "RESPAWN_DELAY_S")
-    text = (ROOT / "mild_ros/launch/simulation.launch.py").read_text()
-    assert '"use_sim_time", "respawn")\n' in text, "passed on to the pipeline"
+    assert LAUNCHES[name].arguments["respawn"][0] == "true"
+    assert all(node.respawned for node in LAUNCHES[name].nodes)
 
 
 def test_a_replay_ends_with_a_node_that_fails() -> None:
-    assert '("respawn", "false")' in (ROOT / "mild_ros/launch/replay.launch.py").read_text()
+    assert LAUNCHES["replay"].ends_with_failure
+    assert not any(node.respawned for node in LAUNCHES["replay"].nodes)
+
+
+def test_arguments_reach_the_nodes() -> None:
+    given = read_arguments(
+        LAUNCHES["replay"], ["bag:=bags/handshake", "namespace:=left", "rate:=2", "loop:=True", "record:=out"]
+    )
+    lines = {node.executable: " ".join(words) for node, words in commands(LAUNCHES["replay"], given)}
+    assert list(lines) == ["pipeline", "simulation", "record", "replay"]
+    assert all("-r __ns:=/left" in line for line in lines.values())
+    assert "--params-file" in lines["pipeline"]
+    assert "-p bag:='out'" in lines["record"]
+    assert "-p rate:=2.0 -p start_s:=0.0 -p loop:=true" in lines["replay"]
+    assert "-p subscribers:=2" in lines["replay"]
+    live = read_arguments(LAUNCHES["live"], ["skeleton:=/k4a/bodies"])
+    ((_, words),) = commands(LAUNCHES["live"], live)
+    assert words[-4:] == ["-p", "use_sim_time:=false", "-r", "skeleton:=/k4a/bodies"]
+
+
+@pytest.mark.parametrize(
+    ("name", "words", "problem"),
+    [
+        ("live", ["skeletn:=/a"], "did you mean 'skeleton'"),
+        ("live", ["/a"], "write NAME:=VALUE"),
+        ("live", ["respawn:=maybe"], "give true or false"),
+        ("live", ["config:=nosuch"], "'nosuch' is unknown"),
+        ("replay", [], "bag:=: is missing"),
+        ("replay", ["bag:=a", "rate:=fast"], "is no number"),
+    ],
+)
+def test_a_wrong_argument_is_one_line(name: str, words: list[str], problem: str) -> None:
+    with pytest.raises(SetupError, match=problem):
+        commands(LAUNCHES[name], read_arguments(LAUNCHES[name], words))
+
+
+def test_a_launched_replay_ends_with_its_bag_and_a_failure_with_its_line(ros_domain: int, tmp_path: Path) -> None:
+    """The whole way, of which every node's end is the launch's own to bring about."""
+    command = [sys.executable, "-m", "mild_ros.command_line.main", "launch", "replay"]
+    broken = subprocess.run(
+        [*command, f"bag:={tmp_path / 'none'}"], capture_output=True, text=True, check=False, timeout=280
+    )
+    assert broken.returncode == 2
+    assert "there is no such bag" in broken.stderr
+    recorded = tmp_path / "recorded"
+    words = [f"bag:={ROOT / 'bags' / 'hand_wave'}", "rate:=8", f"record:={recorded}"]
+    whole = subprocess.run([*command, *words], capture_output=True, text=True, check=False, timeout=280)
+    assert whole.returncode == 0, whole.stderr
+    with open_bag(recorded) as bag:
+        assert {"/joint_command", "/joint_states"} <= set(bag.topics)
 
 
 def test_the_default_configuration_is_there() -> None:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -27,6 +28,22 @@ def venv_beside_ours(folder: Path) -> Path:
     (site,) = folder.glob("lib/python3*/site-packages")
     (ours,) = Path(sys.prefix).glob("lib/python3*/site-packages")
     (site / "ours.pth").write_text(f"{ours}\n")
+    return folder
+
+
+OF_ROS = re.compile(r"_?ros_|ros2|rcl|rmw|rpy|ament|rosidl|.*_(msgs|interfaces|srvs)$|.*_(msgs|interfaces|srvs)-")
+"""Names of what the wheels of ROS 2 install; `rosbags` is none of them."""
+
+
+def venv_without_ros(folder: Path) -> Path:
+    """A new venv that sees all that is installed in ours but ROS 2 and the checkout."""
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(folder)], check=True)
+    (site,) = folder.glob("lib/python3*/site-packages")
+    (ours,) = Path(sys.prefix).glob("lib/python3*/site-packages")
+    for path in ours.iterdir():
+        if not OF_ROS.match(path.name) and "mild_ros" not in path.name and path.suffix != ".pth":
+            (site / path.name).symlink_to(path)
+    shutil.copy(ours / "cmeel.pth", site)  # where pinocchio lies
     return folder
 
 

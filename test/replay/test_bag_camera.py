@@ -12,7 +12,7 @@ from mild_core.errors import BagError
 from mild_core.perception.skeletons import SOURCES
 from mild_core.perception.stage import Perception
 from mild_ros.assembly.perception import make_perception, manifest_of, robot_from_camera
-from mild_ros.bag_camera import FILE, camera_text, read_camera, with_camera, write_camera
+from mild_ros.bag_camera import FILE, camera_for, camera_text, read_camera, with_camera, write_camera
 from mild_ros.bag_people import people_in_bag
 from mild_ros.bags import open_bag
 from mild_ros.scenes import MODELS, ROCKET_KNEELING, SCENES, Scene, cameras
@@ -87,3 +87,14 @@ def test_a_pose_that_is_none_ends_in_one_line(text: str, tmp_path: Path) -> None
     write_camera(tmp_path, {"yumi": text})
     with pytest.raises(BagError, match="states no pose"):
         with_camera(PipelineParameters(), tmp_path)
+
+
+def test_a_replay_takes_the_camera_that_the_bag_states_for_the_robot_of_a_configuration(tmp_path: Path) -> None:
+    handshake = SCENES[0]
+    bag = ROOT / "bags" / handshake.name
+    for configuration, robot in (("yumi", "yumi"), ("pepper.yaml", "pepper")):
+        assert camera_for(configuration, bag) == read_camera(bag, robot) != ""
+    assert camera_for("yumi", tmp_path) == ""
+    own = tmp_path / "own.yaml"
+    own.write_text("/**/pipeline:\n  ros__parameters:\n    robot_from_camera: '1 0 0 0 0 0'\n")
+    assert camera_for(str(own), bag) == "1 0 0 0 0 0", "what is set counts"

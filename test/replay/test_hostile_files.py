@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import subprocess
 import time
 from collections.abc import Iterable
@@ -12,13 +13,13 @@ from pathlib import Path
 import pytest
 
 from mild_core.errors import BagError
+from mild_core.yaml_budget import check_yaml
 from mild_ros.bag_budgets import OverBudgetError, TimeBudget, unbz2, unlz4, unzstd
 from mild_ros.bags import open_bag
 from mild_ros.faults.broken_bags import opened, write_ours
 from mild_ros.parameter_files import read_parameters
 from mild_ros.processes import PYTHON
 from mild_ros.settings import PipelineParameters
-from mild_ros.yaml_budget import check_yaml
 from test.bench import hostile_files
 from test.bench.hostile_files import BAGS, OTHERS, START_NS, aliases, made
 from test.habits.tree import ROOT
@@ -123,15 +124,22 @@ def test_links_within_the_bag_and_to_the_bag_are_followed(tmp_path: Path) -> Non
 
 def test_a_bag_of_links_says_how_to_open_it_and_that_works(tmp_path: Path) -> None:
     """As caches and data set managers lay out files."""
-    bag = tmp_path / "bag"
-    write_ours(bag)
+    bag = tmp_path / "my bag"
+    write_ours(tmp_path / "bag")
+    (tmp_path / "bag").rename(bag)
     (bag / "bag.mcap").rename(tmp_path / "0a1b")
     (bag / "bag.mcap").symlink_to("../0a1b")
-    words = r"bag\.mcap: is a link out of the bag, to .*/0a1b; if you trust it: cp -rL bag COPY"
-    with pytest.raises(BagError, match=words), open_bag(bag):
-        pass
-    subprocess.run(["cp", "-rL", bag, tmp_path / "COPY"], check=True)
+    words = r"bag\.mcap: is a link out of the bag, to .*/0a1b; if you trust it: cp -rL .*/my bag' COPY"
+    for salvage in (False, True):
+        with pytest.raises(BagError, match=words) as refused, open_bag(bag, salvage=salvage):
+            pass
+    followed = str(refused.value).partition("if you trust it: ")[2]
+    subprocess.run(shlex.split(followed), check=True, cwd=tmp_path)
     assert opened(tmp_path / "COPY", salvage=False).read == 24
+    (tmp_path / "0a1b").unlink()
+    for salvage in (False, True):
+        with pytest.raises(BagError, match="restore what it leads to"), open_bag(bag, salvage=salvage):
+            pass
 
 
 @pytest.mark.slow
@@ -206,6 +214,16 @@ def test_the_document_lists_every_hostile_file() -> None:
     lines = (ROOT / "docs" / "bags.md").read_text().splitlines()
     listed = [line.split("|")[1].strip() for line in lines if line.startswith("|")]
     assert [name for name in (*BAGS, *OTHERS) if name not in listed] == []
+
+
+def test_the_table_of_the_document_is_written_anew_and_nothing_else() -> None:
+    document = (ROOT / hostile_files.DOCUMENT).read_text()
+    outcomes = [hostile_files.Outcome("a pipe", False, 2, "is none", 1, 3.4, 271.0, 0.2)]
+    after = hostile_files.written(document, hostile_files.table(outcomes))
+    assert after.endswith("| a pipe | *is none* | 3 | 271 | 0 |\n")
+    assert document.startswith(after[: after.index("| File | Outcome |")])
+    with pytest.raises(ValueError, match="0 tables"):
+        hostile_files.written("nothing", "")
 
 
 def test_a_full_disk_for_temporary_files_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

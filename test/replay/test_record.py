@@ -8,6 +8,7 @@ import shutil
 import signal
 import subprocess
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,9 @@ from std_msgs.msg import String
 
 from mild_core.errors import BagError
 from mild_ros.bags import open_bag
+from mild_ros.record_node import OVERLAP_S, OnceEach
 from test.replay.processes import node, wait_until
+from test.ros.processes import Probe
 
 BEST_EFFORT = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -54,6 +57,52 @@ def joint_state(index: int) -> JointState:
     message = JointState(name=["a", "b"], position=[0.1 * index, -1.0])
     message.header.stamp.sec = index
     return message
+
+
+def test_publishers_of_every_qos_are_recorded_whenever_they_come(sender: Node, tmp_path: Path) -> None:
+    """The recorder listens as the first publisher sends; later ones send in other ways, and one sends another type."""
+    ways = [
+        QoSProfile(depth=500),
+        QoSProfile(depth=500, reliability=ReliabilityPolicy.BEST_EFFORT),
+        QoSProfile(depth=500, durability=DurabilityPolicy.TRANSIENT_LOCAL),
+    ]
+    with (
+        closing(Probe()) as stranger,
+        node("record", {"bag": tmp_path / "bag", "topics": "[joint_command]"}) as process,
+    ):
+        publishers = [sender.create_publisher(JointState, "joint_command", ways[0])]
+        heard(publishers[0], joint_state(-1), tmp_path / "bag")
+        publishers += [sender.create_publisher(JointState, "joint_command", way) for way in ways[1:]]
+        publishers[2].publish(joint_state(99))  # kept by its publisher until the recorder has come
+        stranger.node.create_publisher(String, "joint_command", 10)
+        # As many subscriptions as ways, and the publisher that every one of them matches sees all three.
+        wait_until(lambda: publishers[2].get_subscription_count() == 3, "a subscription for each way")
+        wait_until(lambda: publishers[1].get_subscription_count() == 1, "the one for best effort")
+        for index in range(100, 200):
+            publishers[index % 3].publish(joint_state(index))
+            publishers[index % 3].publish(joint_state(index))  # the same bytes twice are two messages
+        wait_until(lambda: newest(tmp_path / "bag") >= 199, "last message on the disk")
+        output = stop(process)
+    with open_bag(tmp_path / "bag") as bag:
+        numbers = [bag.decode(raw).header.stamp.sec for raw in bag.messages(["/joint_command"])]
+    numbers = sorted(number for number in numbers if number >= 0)
+    assert numbers == [99, *(index for index in range(100, 200) for _ in range(2))]
+    assert "not recorded: /joint_command of probe" in output
+    for publisher in publishers:
+        sender.destroy_publisher(publisher)
+
+
+def test_what_several_subscriptions_bring_is_kept_once() -> None:
+    came = OnceEach()
+    assert [came.is_new("a", b"x", 0.0), came.is_new("b", b"x", 0.1), came.is_new("b", b"y", 0.1)] == [
+        True,
+        False,
+        True,
+    ]
+    assert [came.is_new("a", b"x", 0.2), came.is_new("a", b"x", 0.3)] == [True, True], "a repetition is a message"
+    assert came.is_new("b", b"x", 0.4) is False
+    assert came.is_new("b", b"x", 0.4 + 2 * OVERLAP_S) is True, "later it is another one"
+    assert len(came._newest) == 1, "what is over is forgotten"
 
 
 def stop(process: subprocess.Popen[str]) -> str:

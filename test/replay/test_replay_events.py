@@ -10,9 +10,11 @@ from rclpy.serialization import deserialize_message
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
-from mild_ros.bags import jazzy_types
+from mild_ros.bags import RawMessage, jazzy_types
 from mild_ros.encoding import encode, restamped
+from mild_ros.messages.handled import Handled
 from mild_ros.replay_events import SKELETON, TICK, Event, with_ticks
+from mild_ros.sending import LockStep
 
 MS = 1_000_000
 
@@ -56,3 +58,39 @@ def test_every_marker_of_an_array_gets_the_new_stamp() -> None:
     moved = restamped(encode(message), "visualization_msgs/msg/MarkerArray", decode, 2_000_000_001, jazzy_types())
     for marker in deserialize_message(moved, MarkerArray).markers:
         assert (marker.header.stamp.sec, marker.header.stamp.nanosec) == (1_700_000_002, 123_456_790)
+
+
+def in_lock_step(*events: Event, recorders: int) -> tuple[LockStep, list[int]]:
+    """A sender of these events, and the times of those that it has sent."""
+    told: list[int] = []
+    return LockStep(iter(events), lambda name, data: None, told.append, 1.0, 1, recorders), told
+
+
+def test_a_lock_step_waits_until_a_recorder_has_written_everything_down() -> None:
+    step, told = in_lock_step(Event(1, TICK), Event(2, TICK), recorders=1)
+    first, second = (Handled("pipeline", 0, "tick", stamp_ns) for stamp_ns in (1, 2))
+    assert step.advance()
+    assert not step.is_done_after(first), "it is handled, and not yet written down"
+    assert not step.is_done_once_recorded(second)
+    assert step.is_done_once_recorded(first)
+    assert step.advance()
+    assert not step.is_done_once_recorded(second), "the recorder may hear of it first"
+    assert step.is_done_after(second)
+    assert not step.advance()
+    assert told == [1, 2]
+
+
+def test_every_stage_s_report_has_to_be_written_down() -> None:
+    message = RawMessage("/skeleton", "visualization_msgs/msg/MarkerArray", 5, b"")
+    step, _ = in_lock_step(Event(5, SKELETON, message), recorders=2)
+    perceived, inferred = Handled("perception", 1, "accepted", 5), Handled("inference", 0, "accepted", 5)
+    step.advance()
+    assert not any(step.is_done_after(fate) for fate in (perceived, inferred))
+    acknowledged = [step.is_done_once_recorded(fate) for fate in (perceived, inferred, perceived, inferred)]
+    assert acknowledged == [False, False, False, True]
+
+
+def test_without_a_recorder_nobody_waits_for_one() -> None:
+    step, _ = in_lock_step(Event(1, TICK), recorders=0)
+    step.advance()
+    assert step.is_done_after(Handled("pipeline", 0, "tick", 1))

@@ -194,7 +194,7 @@ def test_hold_says_so_when_no_command_is_sent(start: Callable[..., NodeProcess],
     assert answer.message == "held; waiting: the robot has not said where it is, and no command is sent"
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_node_that_ends_brings_the_robot_to_rest_first(
     start: Callable[..., NodeProcess], mover: Mover, number: int
 ) -> None:
@@ -205,6 +205,7 @@ def test_a_node_that_ends_brings_the_robot_to_rest_first(
     node.process.send_signal(number)
     mover.until(lambda: node.process.poll() is not None, "the end", 10.0)
     assert node.process.returncode == 0
+    assert "Traceback" not in node.output()
     assert mover.rests()
     assert mover.judged(first - 20) == []
 

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,13 @@ from mild_core.retargeting.limiter import Limiter
 from mild_core.retargeting.robots import ROBOTS
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.retargeting.stage import Retargeting, RetargetingState
-from mild_core.retargeting.trajectory_stream import execution_delay_s, limits_between_points
+from mild_core.retargeting.trajectory_stream import (
+    STAND_S,
+    Trajectory,
+    TrajectoryState,
+    execution_delay_s,
+    limits_between_points,
+)
 from mild_core.signals import JointCommand, JointMeasurement, MotionWindow
 from mild_ros.assembly.perception import manifest_of
 from mild_ros.assembly.retargeting import make_retargeting
@@ -38,6 +44,8 @@ from test.habits.tree import ROOT
 YUMI = ROBOTS["yumi"]
 ABB_NAMES = tuple(f"yumi_robr_joint_{number}" for number in range(1, 8))
 START_NS, TICK_NS = 10**18, 10_000_000
+STANDS_NS = round(STAND_S * 1e9)
+"""So long a stream of trajectories stands still before it moves."""
 DELAY_S = execution_delay_s(ControllerParameters().max_expected_latency_s)
 JTC_PARAMETERS = {
     *("joints", "command_joints", "command_interfaces", "state_interfaces", "speed_scaling", "gains", "constraints"),
@@ -49,9 +57,20 @@ JTC_PARAMETERS = {
 STAGE = Retargeting(YUMI, RetargetingSettings(execution_delay_s=DELAY_S))
 
 
-def after_motion(target: np.ndarray, ticks: int) -> tuple[RetargetingState, JointCommand]:
-    """The stage, and its newest command, so many ticks after it was given a motion to `target`."""
-    state, _ = STAGE.step(STAGE.init(), JointMeasurement(START_NS, YUMI.joint_names, YUMI.home_rad), START_NS)
+@dataclass(frozen=True)
+class Moved:
+    """The stage after a motion, its newest command, and the newest trajectory of a stream that began before."""
+
+    state: RetargetingState
+    command: JointCommand
+    trajectory: Trajectory | None
+    promised: TrajectoryState
+
+
+def after_motion(target: np.ndarray, ticks: int) -> Moved:
+    """What stands there so many ticks after the stage, at rest until then, was given a motion to `target`."""
+    since_ns, stream = START_NS - STANDS_NS, STAGE.trajectory_stream()
+    state, _ = STAGE.step(STAGE.init(), JointMeasurement(since_ns, YUMI.joint_names, YUMI.home_rad), since_ns)
     motion = MotionWindow(
         stamp_ns=START_NS,
         lead_ns=25_000_000,
@@ -65,18 +84,20 @@ def after_motion(target: np.ndarray, ticks: int) -> tuple[RetargetingState, Join
         phase=0.5,
         out_of_distribution=0.1,
     )
-    state, commands = STAGE.step(state, motion, START_NS)
-    for tick in range(1, ticks + 1):
-        state, made = STAGE.step(state, None, START_NS + tick * TICK_NS)
-        commands = made or commands
-    return state, commands[-1]
+    promised, trajectory, commands = stream.init(), None, ()
+    for now_ns in range(since_ns + TICK_NS, START_NS + ticks * TICK_NS + 1, TICK_NS):
+        if now_ns == START_NS:
+            state, _ = STAGE.step(state, motion, START_NS)
+        state, made = STAGE.step(state, None, now_ns)
+        assert state.motion is not None
+        promised, sent = stream.step(promised, state.motion, now_ns)
+        commands, trajectory = made or commands, sent or trajectory
+    return Moved(state, commands[-1], trajectory, promised)
 
 
-def outgoing(state: RetargetingState, command: JointCommand, order: tuple[str, ...] = ()) -> Outgoing:
-    stream, named = STAGE.trajectory_stream(), joint_naming(YUMI.joint_names, ABB_NAMES).told(command)
-    assert state.motion is not None
-    _, trajectory = stream.step(stream.init(), state.motion, command.stamp_ns)
-    return Outgoing(named, YUMI, order or ABB_NAMES, trajectory=trajectory)
+def outgoing(moved: Moved, order: tuple[str, ...] = ()) -> Outgoing:
+    named = joint_naming(YUMI.joint_names, ABB_NAMES).told(moved.command)
+    return Outgoing(named, YUMI, order or ABB_NAMES, trajectory=moved.trajectory)
 
 
 def rejections(message: Any, joints: tuple[str, ...], now_ns: int) -> Iterator[str]:
@@ -137,8 +158,8 @@ def splined(message: Any, times_s: np.ndarray) -> np.ndarray:
     ticks=st.integers(0, 60),
 )
 def test_a_trajectory_is_accepted_and_keeps_every_limit(away: list[float], ticks: int) -> None:
-    state, command = after_motion(YUMI.home_rad + np.array(away), ticks)
-    message = OUTPUTS["joint_trajectory"].message(JointTrajectory, outgoing(state, command))
+    moved = after_motion(YUMI.home_rad + np.array(away), ticks)
+    command, message = moved.command, OUTPUTS["joint_trajectory"].message(JointTrajectory, outgoing(moved))
     assert list(rejections(message, ABB_NAMES, command.stamp_ns)) == []
     times = np.arange(
         _ns(message.points[0].time_from_start) * 1e-9, _ns(message.points[-1].time_from_start) * 1e-9, 0.004
@@ -151,8 +172,8 @@ def test_a_trajectory_is_accepted_and_keeps_every_limit(away: list[float], ticks
 
 def test_a_trajectory_holds_what_was_commanded() -> None:
     """The promised points are the commands, so much later; after them comes the stop that the guard has examined."""
-    stream, state, commands = STAGE.trajectory_stream(), *after_first(20)
-    promised, trajectory = stream.init(), None
+    stream, moved = STAGE.trajectory_stream(), after_motion(YUMI.home_rad + 0.5, 0)
+    promised, trajectory, state, commands = moved.promised, None, *after_first(moved.state, 20)
     for tick, command in enumerate(commands):
         assert command.motion is not None
         promised, made = stream.step(promised, command.motion, START_NS + (tick + 1) * TICK_NS)
@@ -170,9 +191,8 @@ def test_a_trajectory_holds_what_was_commanded() -> None:
     assert np.ptp(trajectory.positions_rad[-4:], axis=0).max() > 1e-4, "it has been moving"
 
 
-def after_first(ticks: int) -> tuple[RetargetingState, list[RetargetingState]]:
+def after_first(state: RetargetingState, ticks: int) -> tuple[RetargetingState, list[RetargetingState]]:
     """The stage after so many ticks of a motion, and after each of them."""
-    state, _ = after_motion(YUMI.home_rad + 0.5, 0)
     states = []
     for tick in range(1, ticks + 1):
         state, _ = STAGE.step(state, None, START_NS + tick * TICK_NS)
@@ -198,17 +218,17 @@ def _harmed(message: Any, harm: Callable[[Any], None]) -> Any:
     ],
 )
 def test_the_rules_reject_what_the_controller_rejects(harm: Callable[[Any], None], why: str) -> None:
-    state, command = after_motion(YUMI.home_rad + 0.5, 20)
-    message = OUTPUTS["joint_trajectory"].message(JointTrajectory, outgoing(state, command))
-    found = list(rejections(_harmed(message, harm), ABB_NAMES, command.stamp_ns))
+    moved = after_motion(YUMI.home_rad + 0.5, 20)
+    message = OUTPUTS["joint_trajectory"].message(JointTrajectory, outgoing(moved))
+    found = list(rejections(_harmed(message, harm), ABB_NAMES, moved.command.stamp_ns))
     assert any(why in reason for reason in found)
 
 
 def test_positions_come_in_the_stated_order() -> None:
-    state, command = after_motion(YUMI.home_rad + 0.5, 20)
+    moved = after_motion(YUMI.home_rad + 0.5, 20)
     order = ABB_NAMES[::-1]
-    message = OUTPUTS["position_command"].message(Float64MultiArray, outgoing(state, command, order))
-    assert list(message.data) == command.positions_rad.tolist()[::-1]
+    message = OUTPUTS["position_command"].message(Float64MultiArray, outgoing(moved, order))
+    assert list(message.data) == moved.command.positions_rad.tolist()[::-1]
 
 
 def test_pepper_is_told_angles_and_a_speed() -> None:
@@ -222,8 +242,8 @@ def test_pepper_is_told_angles_and_a_speed() -> None:
         fields["joint_angles"] = np.array(fields["joint_angles"], dtype=np.float32)
         return of_naoqi(header(time(0, 0), ""), **fields)
 
-    state, command = after_motion(YUMI.home_rad + 0.5, 20)
-    message = OUTPUTS["joint_angles"].message(kind, outgoing(state, command))
+    moved = after_motion(YUMI.home_rad + 0.5, 20)
+    command, message = moved.command, OUTPUTS["joint_angles"].message(kind, outgoing(moved))
     data = types.serialize_cdr(message, "naoqi_bridge_msgs/msg/JointAnglesWithSpeed")
     read = types.deserialize_cdr(data, "naoqi_bridge_msgs/msg/JointAnglesWithSpeed")
     assert tuple(read.joint_names) == ABB_NAMES
@@ -233,9 +253,9 @@ def test_pepper_is_told_angles_and_a_speed() -> None:
     # A robot that comes to rest still has its way since the message before to go.
     still = replace(command, velocities_rad_s=np.zeros(7))
     before = replace(still, stamp_ns=still.stamp_ns - 40_000_000, positions_rad=still.positions_rad - 0.02)
-    braking = OUTPUTS["joint_angles"].message(kind, replace(outgoing(state, still), previous=before))
+    braking = OUTPUTS["joint_angles"].message(kind, replace(outgoing(replace(moved, command=still)), previous=before))
     assert braking.speed == pytest.approx(0.02 / 0.04 / YUMI.velocity_rad_s.min())
-    assert OUTPUTS["joint_angles"].message(kind, outgoing(state, still)).speed == 0.05
+    assert OUTPUTS["joint_angles"].message(kind, outgoing(replace(moved, command=still))).speed == 0.05
 
 
 def test_the_robots_own_names_are_understood() -> None:
@@ -275,7 +295,7 @@ def test_bare_positions_and_angles_come_as_often_as_their_controllers_take_them(
     """Ticks of a live clock come a little early or late; no message is left out for that."""
     parameters = ControllerParameters(outputs=("position_command", "joint_trajectory"))
     messages = ControllerMessages(parameters, STAGE, joint_naming(YUMI.joint_names, ()))
-    state, _ = after_motion(YUMI.home_rad + 0.5, 20)
+    state = after_motion(YUMI.home_rad + 0.5, 20).state
     random, counts = np.random.default_rng(0), {"position_command": 0, "joint_trajectory": 0}
     for tick in range(21, 321):
         state, commands = STAGE.step(state, None, START_NS + tick * TICK_NS + int(random.integers(0, 1_000_000)))

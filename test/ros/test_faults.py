@@ -14,7 +14,7 @@ from mild_ros.faults.judge import Command, problems
 from mild_ros.faults.page import row_start
 from mild_ros.faults.room import ROBOT, Room
 from mild_ros.faults.table import FAULTS, Fault
-from mild_ros.faults.trial import running_room, tried
+from mild_ros.faults.trial import complaints, rest_after_s, running_room, tried
 from mild_ros.processes import private_domain
 from test.habits.tree import ROOT
 
@@ -73,6 +73,31 @@ def test_another_reason_to_stop_is_told(replayed_room: Room) -> None:
 @pytest.mark.parametrize("name", [fault.name for fault in FAULTS.values() if fault.live])
 def test_a_fault_in_real_time_is_survived_and_counted(live_room: Room, name: str) -> None:
     check_survived(live_room, FAULTS[name])
+
+
+def turning(rad_s: float, count: int = 130) -> list[Command]:
+    """Commands of a robot whose first joint turns at a constant speed."""
+    rates = (rad_s, *(0.0,) * (len(ROBOT.joint_names) - 1))
+    return [Command(tick * STEP_NS, (rad_s * tick * STEP_NS * 1e-9, *rates[1:]), rates) for tick in range(1, 1 + count)]
+
+
+@pytest.mark.parametrize(
+    ("rad_s", "hindered", "told"), [(0.0, True, 1), (0.25, True, 1), (0.25, False, 1), (0.4, True, 0)]
+)
+def test_an_arm_that_stays_where_it_is_has_not_given_way(rad_s: float, hindered: bool, told: int) -> None:
+    put_rad = np.array([0.8, *[0.0] * (len(ROBOT.joint_names) - 1)])
+    found = list(complaints(FAULTS["pushed"], turning(rad_s), 0.4, put_rad, hindered=hindered))
+    assert found == ["the robot does not go where it was put"] * told
+
+
+@pytest.mark.parametrize(("rad_s", "rests"), [(0.0, True), (0.3, True), (1.0, False)])
+def test_an_arm_that_goes_on_has_not_made_way_for_anybody(rad_s: float, rests: bool) -> None:
+    rest_s = rest_after_s("rests", turning(rad_s), 0, round(0.5e9), made_way=True)
+    assert rest_s is not None
+    assert (rest_s <= 0.5) is rests
+    assert list(complaints(FAULTS["NaN"], (), rest_s, np.zeros(7), hindered=True)) == (
+        [] if rests else ["no rest within 1 s but after 1.30 s"]
+    )
 
 
 def smooth() -> list[Command]:

@@ -3,12 +3,11 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 from std_msgs.msg import Header
 
 from mild_ros.clock import ControlGrid
-from mild_ros.measuring import GapWatch, Spread, Stream
+from mild_ros.measuring import Spread, Stream
 from mild_ros.messages.stamps import time_to_msg
 from mild_ros.pairing import StampPairs
 
@@ -28,26 +27,6 @@ def test_spread_tells_each_time_once():
         spread.add(value * MS)
     assert spread.take_ms() == pytest.approx((50.5, 99.01, 100.0))
     assert spread.take_ms() is None
-
-
-def test_lost_messages_show_as_gaps():
-    random = np.random.default_rng(5)
-    watch, lost, dropped = GapWatch(), 0, {20, 40, 41, 42, 80}
-    for index in range(100):
-        if index not in dropped:
-            lost += watch.lost_before(1_000 * MS + round((index + random.uniform(-0.2, 0.2)) * 33.3 * MS))
-    assert lost == len(dropped)
-
-
-def test_a_pause_of_the_sender_is_no_loss():
-    watch = GapWatch(pause_ns=1_000 * MS)
-    stamps = [*range(0, 1_000 * MS, 10 * MS), *range(5_000 * MS, 6_000 * MS, 10 * MS)]
-    assert sum(watch.lost_before(stamp) for stamp in stamps) == 0
-
-
-def test_time_going_back_is_no_loss():
-    watch = GapWatch()
-    assert sum(watch.lost_before(stamp) for stamp in [*range(0, 500 * MS, 10 * MS), *range(0, 500 * MS, 10 * MS)]) == 0
 
 
 def test_rate_is_of_the_time_since_the_last_report():

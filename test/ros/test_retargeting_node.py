@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import signal
 from collections.abc import Callable
 from typing import Any
 
@@ -197,11 +196,3 @@ def test_bad_input_is_counted_by_its_reason(start: Callable[..., NodeProcess], b
     assert "retargeting wrong_joints" in node.output()
     positions = np.array([list(message.position) for message in bench.commands])
     np.testing.assert_array_equal(positions, np.tile(YUMI.home_rad, (len(positions), 1)))
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_it_with_code_0(start: Callable[..., NodeProcess], bench: Motions, number: int) -> None:
-    node = start("retargeting")
-    bench.connect()
-    assert node.stop(number) == 0
-    assert "Traceback" not in node.output()

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from geometry_msgs.msg import PoseArray, PoseStamped
 from rclpy.qos import qos_profile_sensor_data
-from sensor_msgs.msg import PointCloud2
+from sensor_msgs.msg import JointState, PointCloud2
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
@@ -80,6 +80,29 @@ def test_a_tracker_that_was_not_set_is_named_at_once(start: Callable[..., NodePr
     assert len(with_messages) <= 2, told  # a report a second: within two of them
     around.until_status(OK, "accepted", acting(probe, "azure_kinect", lambda _, message: skeletons.publish(message)))
     assert node.output().count("set source to nuitrack") >= 1
+
+
+def test_another_robots_tracker_is_not_offered(start: Callable[..., NodeProcess], probe: Probe) -> None:
+    """What lies beside another robot, and what another pipeline reads wherever it lies; a free tracker is."""
+    others = Probe("/left")
+    try:
+        rival = probe.node.create_publisher(MarkerArray, "/left/bodies", qos_profile_sensor_data)
+        taken = probe.node.create_publisher(MarkerArray, "/camera_left/bodies", qos_profile_sensor_data)
+        others.node.create_publisher(JointState, "joint_states", 10)
+        others.node.create_publisher(JointState, "/joint_command", 10)
+        others.listen(MarkerArray, "/camera_left/bodies", qos_profile_sensor_data)
+        others.matched(taken)
+        start("perception", "-r", "__ns:=/right")
+        around = Surroundings(probe, "right/perception")
+        around.connect()
+        around.until_status(WARN, "nobody publishes /right/skeleton (visualization_msgs/msg/MarkerArray): start the")
+        assert "left" not in around.status()[1]
+        free = probe.node.create_publisher(MarkerArray, "/camera_right/bodies", qos_profile_sensor_data)
+        around.until_status(WARN, "remap it, e.g. -r skeleton:=/camera_right/bodies")
+        for publisher in (rival, taken, free):
+            probe.node.destroy_publisher(publisher)
+    finally:
+        others.close()
 
 
 def test_motion_capture_is_put_together_and_its_calibration_kept(

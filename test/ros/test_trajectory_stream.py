@@ -21,7 +21,7 @@ from mild_core.retargeting.robots import ROBOTS
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.retargeting.stage import Mode, Request, Retargeting
 from mild_core.retargeting.state import RetargetingState
-from mild_core.retargeting.trajectory_stream import TICK_S, execution_delay_s
+from mild_core.retargeting.trajectory_stream import STAND_S, TICK_S, execution_delay_s
 from mild_core.shapes import FloatArray
 from mild_core.signals import JointMeasurement, MotionWindow
 from mild_ros.assembly.inference import load
@@ -153,7 +153,8 @@ def check(stream: Stream, settings: tuple[Setting, ...]) -> None:
         velocity, acceleration = worst(played, stream.robot)
         assert velocity <= TOLERATED, f"{velocity:.3f} of the velocity with {setting}"
         assert acceleration <= TOLERATED, f"{acceleration:.3f} of the acceleration with {setting}"
-        assert played.late == played.rejected == 0, setting
+        assert played.late <= 1, "only the message with which a stream begins is about the future"
+        assert played.rejected == 0, setting
         assert np.ptp(played.positions_rad[-10:], axis=0).max() < RESTING_RAD_S, f"it does not rest with {setting}"
         assert np.ptp(played.positions_rad, axis=0).max() > 0.2, f"it has moved with {setting}"
 
@@ -215,12 +216,15 @@ def test_messages_that_cease_end_in_rest(kept: float) -> None:
 
 
 def test_every_message_begins_by_its_sending_and_is_short() -> None:
-    for message in stream_of("handshake").messages:
+    first, *others = stream_of("handshake").messages
+    assert first.times_s[0] == pytest.approx(first.sent_s + STAND_S, abs=1e-6)
+    assert np.ptp(first.positions_rad, axis=0).max() == 0.0, "the first begins from whatever the controller holds"
+    for message in others:
         assert message.times_s[0] <= message.sent_s, "a controller that gets it at once samples its points directly"
         assert np.all(np.diff(message.times_s) > 0.0)
         assert np.abs(message.velocities_rad_s[-1]).max() < 1e-9  # rest, but for rounding
         assert len(message.times_s) < 100
-    sent = np.array([message.sent_s for message in stream_of("handshake").messages])
+    sent = np.array([message.sent_s for message in others])
     assert np.diff(sent).max() < 0.021, "one at least every 50 ms"
 
 
@@ -411,6 +415,19 @@ def test_a_robot_that_sagged_while_disabled_is_commanded_without_a_jump(sag_rad:
     check(stream, (Setting(1000.0, (0.0, 0.1), from_desired=True), Setting(100.0, (0.1, 0.1))))
 
 
+@pytest.mark.parametrize("sag_rad", [0.02, -0.3])
+@pytest.mark.parametrize("latency_s", [(0.0, 0.0), (0.1, 0.1)])
+@pytest.mark.parametrize("from_desired", [True, False])
+def test_a_robot_that_sags_is_commanded_without_a_jump_from_the_start(
+    sag_rad: float, latency_s: tuple[float, float], from_desired: bool
+) -> None:
+    """The controller holds it at home; there it says that it is elsewhere, and its first motion goes on from there."""
+    stream, _, _ = run(stage_of(), regular(600), sag_rad=sag_rad)
+    np.testing.assert_allclose(stream.home_rad, YUMI.home_rad + sag_rad, atol=1e-9)
+    setting = Setting(1000.0, latency_s, from_desired, lag_s=0.05)
+    check(replace(stream, home_rad=YUMI.home_rad), (setting, replace(setting, rate_hz=100.0)))
+
+
 def test_a_clock_that_is_set_back_shifts_what_was_promised() -> None:
     stage = stage_of()
     controllers = ControllerMessages(ControllerParameters(outputs=OUTPUTS), stage, joint_naming(YUMI.joint_names, ()))
@@ -435,13 +452,13 @@ def test_no_stamp_is_zero_or_negative() -> None:
     stage = stage_of()
     controllers = ControllerMessages(ControllerParameters(outputs=OUTPUTS), stage, joint_naming(YUMI.joint_names, ()))
     state, _ = stage.step(stage.init(), JointMeasurement(0, YUMI.joint_names, YUMI.home_rad), 0)
-    for tick in range(8):
+    for tick in range(60):
         state, commands = stage.step(state, None, tick * TICK_NS)
         for due in controllers.after(commands, state):
             assert ns_from_msg(due.message.header.stamp) > 0
             assert ns_from_msg(due.message.points[0].time_from_start) == 0
             assert len(due.message.points) >= 1
-            assert tick < 3 or ns_from_msg(due.message.header.stamp) <= tick * TICK_NS
+            assert tick == 0 or ns_from_msg(due.message.header.stamp) <= tick * TICK_NS
 
 
 @pytest.mark.parametrize("rate_hz", [100, 200, 500])

@@ -16,6 +16,10 @@ MARGINAL = 1e-15
 """A component's share of a frame that is no more than the rounding of shares."""
 
 
+FLATTEST, LEAST_VARIANCE = 1e-8, 1e-12
+"""Least variance of a latent that an agent who stands still never leaves: as a share of the largest, and at all."""
+
+
 @dataclass(frozen=True, eq=False)
 class LatentFrames:
     """N frames of several demonstrations, one after the other.
@@ -24,7 +28,7 @@ class LatentFrames:
         lengths: Frames of each demonstration.
         times: (N,) from 0, the start of the demonstration, to 1, its end.
         centre: (Z,) mean of all frames.
-        variance: (Z,) of all frames.
+        variance: (Z,) of all frames; never so small that a covariance could not be inverted.
         features: (N, Z (Z + 1) / 2 + Z + 1): the products z_a z_b with a <= b, then z, then 1, of the frames less
             their centre, so that squares do not cancel. Every density and every estimate is a product with them.
     """
@@ -68,7 +72,9 @@ def latent_frames(latents: Sequence[FloatArray]) -> LatentFrames:
     features = np.empty((len(everything), size * (size + 1) // 2 + size + 1))
     fill_features(centred, features)
     times = np.concatenate([(np.arange(len(z)) + 0.5) / len(z) for z in latents])
-    return LatentFrames(tuple(len(z) for z in latents), times, centre, centred.var(axis=0), features)
+    variance = centred.var(axis=0)
+    variance = np.maximum(variance, max(FLATTEST * variance.max(), LEAST_VARIANCE))
+    return LatentFrames(tuple(len(z) for z in latents), times, centre, variance, features)
 
 
 def log_emissions(components: Gaussian, frames: LatentFrames) -> FloatArray:

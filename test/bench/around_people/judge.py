@@ -2,7 +2,9 @@
 """The judge: the robot's shapes and the people's in PyBullet, distances and speeds between them, limits of commands.
 
 The robot is where it is commanded to be. Its shapes are those of its description, collision and visual alike, of the
-links that the commanded joints move; kinematics, distances and speeds are PyBullet's, nothing is the package's own.
+links that the commanded joints move from their place: a shoulder that the first of them turns on the spot can give way
+to nobody, like the trunk that it is part of. Kinematics, distances and speeds are PyBullet's, nothing is the package's
+own.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mild_core.compiled import compiled
 from mild_core.retargeting.robots import ROBOTS
@@ -23,10 +26,14 @@ from mild_ros.simulation.bullet import load_pybullet
 from mild_ros.simulation.quiet import quiet_terminal
 from test.bench.around_people.bodies import Array, Capsule, Person, capsules_of
 from test.bench.around_people.run import Run, Setting
+from test.bench.braking import SHARE, braking_joints
 
 NEAR_M, SPEED_M_S = 0.3, 0.8
 BANDS_M = (0.1, 0.15, 0.25, 0.3)
 """Upper ends of the bands of distance in which speeds are told."""
+
+TOWARDS_M_S = 0.03
+"""A slower motion towards somebody, beyond what is allowed, is none."""
 
 STILL_M_S, STILL_FOR_S = 0.05, 0.3
 """A body that has moved no faster than this for so long is still."""
@@ -58,7 +65,8 @@ class Judgement:
         still_m_s: Largest speed of a point of the robot near a body that stands still, by band.
         moving_m_s: The same near any other.
         over_s: Time with a speed above the bound near a body that stands still, in commands.
-        towards_over: Commands in which a point moves towards a moving body faster than it may without braking.
+        towards_over: Commands in which a link's nearest point moves towards a moving body faster than it may, without
+            braking.
         towards_m_s: Largest excess of such a speed.
         towards_braking: Commands in which it does so while it brakes at its limits.
         commands: How many there were.
@@ -119,10 +127,11 @@ class RobotShapes:
                 self.bullet.resetJointState(self.body, self.joints[joint], place, 0.0, physicsClientId=self.client)
         self.numbers = [self.joints[joint] for joint in self.robot.joint_names]
         self.sampled = [(self.links[link], np.array(points)) for link, points in samples.items() if points]
+        self.link_of = np.repeat(np.arange(len(self.sampled)), [len(points) for _, points in self.sampled])
         self.tool = self.links[self.robot.tool_link]
 
     def _moved_links(self, root: ElementTree.Element) -> set[str]:
-        """Links that a commanded joint moves."""
+        """Links that a commanded joint moves from their place: all below one but those below the first alone."""
         below: dict[str, list[tuple[str, str]]] = {}
         for joint in root.findall("joint"):
             parent, child = joint.find("parent"), joint.find("child")
@@ -131,16 +140,17 @@ class RobotShapes:
             below.setdefault(parent.get("link", ""), []).append((joint.get("name", ""), child.get("link", "")))
         moved: set[str] = set()
 
-        def visit(link: str, is_moved: bool) -> None:
+        def visit(link: str, below_first: bool, is_moved: bool) -> None:
             if is_moved:
                 moved.add(link)
             for joint, child in below.get(link, []):
-                visit(child, is_moved or joint in self.robot.joint_names)
+                turned = joint in self.robot.joint_names
+                visit(child, below_first or turned, is_moved or (below_first and turned))
 
         children = {child for pairs in below.values() for _, child in pairs}
         for link in below:
             if link not in children:
-                visit(link, False)
+                visit(link, False, False)
         return moved
 
     def _furnish(self, root: ElementTree.Element, moved: set[str]) -> dict[str, list[Array]]:
@@ -324,6 +334,7 @@ def latency_s(setting: Setting) -> float:
 def _look(
     points: Array,
     speeds: Array,
+    links: Array,
     starts: Array,
     ends: Array,
     start_speeds: Array,
@@ -335,13 +346,14 @@ def _look(
     bands: Array,
     allowed: float,
 ) -> tuple[Array, Array, Array, Array]:
-    """What P points on the robot do near C capsules.
+    """What P points on the robot, those of each of its links in a row, do near C capsules.
 
     Returns:
         (C,) least distance of a point to each capsule;
         (2, B) largest speed of a point by band, near those that stand still and near others;
         (3,) largest speed near those that stand still, the number of that capsule and its distance;
-        (2,) largest excess of a speed towards one that moves, and its number.
+        (3,) largest excess of the speed of a link's nearest point towards one that moves, the number of that capsule
+            and the place of the point.
     """
     middle, reach = np.zeros(3), 0.0
     for p in range(len(points)):
@@ -350,7 +362,7 @@ def _look(
         reach = max(reach, ((points[p] - middle) ** 2).sum() ** 0.5)
     nearest = np.full(len(radii), np.inf)
     fastest = np.zeros((2, len(bands)))
-    worst_still, worst_towards = np.array([0.0, -1.0, 0.0]), np.array([0.0, -1.0])
+    worst_still, worst_towards = np.array([0.0, -1.0, 0.0]), np.array([0.0, -1.0, -1.0])
     for c in range(len(radii)):
         ax, ay, az = ends[c] - starts[c]
         square = max(ax * ax + ay * ay + az * az, 1e-12)
@@ -359,34 +371,40 @@ def _look(
         x, y, z = share * ax - x, share * ay - y, share * az - z
         if (x * x + y * y + z * z) ** 0.5 - radii[c] - reach >= bands[-1]:
             continue  # too far from all of the arm
+        least, closest = bands[-1], -1
         for p in range(len(points)):
+            if p > 0 and links[p] != links[p - 1]:
+                least, closest = bands[-1], -1
             x, y, z = points[p] - starts[c]
             share = min(max((x * ax + y * ay + z * az) / square, 0.0), 1.0)
             x, y, z = share * ax - x, share * ay - y, share * az - z
-            length = (x * x + y * y + z * z) ** 0.5
-            far = length - radii[c]
+            far = (x * x + y * y + z * z) ** 0.5 - radii[c]
             nearest[c] = min(nearest[c], far)
-            if far >= bands[-1]:
-                continue
-            vx, vy, vz = speeds[p]
-            speed = (vx * vx + vy * vy + vz * vz) ** 0.5
-            band = 0
-            while far >= bands[band]:
-                band += 1
-            row = 0 if still[c] else 1
-            fastest[row, band] = max(fastest[row, band], speed)
-            if still[c]:
-                if speed > worst_still[0]:
+            if far < least:
+                least, closest = far, p
+            if far < bands[-1]:
+                vx, vy, vz = speeds[p]
+                speed = (vx * vx + vy * vy + vz * vz) ** 0.5
+                band = 0
+                while far >= bands[band]:
+                    band += 1
+                row = 0 if still[c] else 1
+                fastest[row, band] = max(fastest[row, band], speed)
+                if still[c] and speed > worst_still[0]:
                     worst_still[0], worst_still[1], worst_still[2] = speed, c, far
+            if still[c] or closest < 0 or (p + 1 < len(points) and links[p + 1] == links[p]):
                 continue
+            x, y, z = points[closest] - starts[c]
+            share = min(max((x * ax + y * ay + z * az) / square, 0.0), 1.0)
+            x, y, z = share * ax - x, share * ay - y, share * az - z
+            length = max((x * x + y * y + z * z) ** 0.5, 1e-9)
             bx, by, bz = start_speeds[c] + share * (end_speeds[c] - start_speeds[c])
-            length = max(length, 1e-9)
             kx, ky, kz = known_start_speeds[c] + share * (known_end_speeds[c] - known_start_speeds[c])
             approach = min(-(bx * x + by * y + bz * z), -(kx * x + ky * y + kz * z)) / length
-            approach = max(approach, 0.0)
-            excess = (vx * x + vy * y + vz * z) / length - max(allowed - approach, 0.0)
+            vx, vy, vz = speeds[closest]
+            excess = (vx * x + vy * y + vz * z) / length - max(allowed - max(approach, 0.0), 0.0)
             if excess > worst_towards[0]:
-                worst_towards[0], worst_towards[1] = excess, c
+                worst_towards[0], worst_towards[1], worst_towards[2] = excess, c, closest
     return nearest, fastest, worst_still, worst_towards
 
 
@@ -403,20 +421,21 @@ def judge(setting: Setting, run: Run) -> Judgement:
     result.limits = broken_limits(setting.robot, run)
     crowd = _crowd(setting.people, run.times_s, latency_s(setting))
     bodies = shapes.bodies(crowd.capsules, crowd.starts[0], crowd.ends[0])
-    braking = _braking(setting.robot, run)
+    model = ROBOTS[setting.robot]
+    braking = braking_joints(run.times_s, run.velocities_rad_s, model.acceleration_rad_s2, model.jerk_rad_s3)
     tools = np.empty((len(run.times_s), 3))
     least = np.full((len(run.times_s), len(bodies)), np.inf)
-    last_towards = 0.0
     try:
         for k in range(len(run.times_s)):
             shapes.pose(run.positions_rad[k], run.velocities_rad_s[k])
             points, speeds = shapes.points()
             tools[k] = shapes.tool_m()
-            least[k], fastest, still, towards = _seen(points, speeds, crowd, k)
+            least[k], fastest, still, towards = _seen(shapes, points, speeds, crowd, k)
             time_s = float(run.times_s[k])
             if least[k].min() < NEAR_M:
                 _distances(result, shapes, crowd, bodies, k, least[k], time_s)
-            last_towards = _speeds(result, crowd, fastest, still, towards, time_s, bool(braking[k]), last_towards)
+            is_braking = towards[0] > TOWARDS_M_S and _is_braking(shapes, run, crowd, k, towards, braking[k])
+            _speeds(result, crowd, fastest, still, towards, time_s, is_braking)
         _between(result, shapes, setting, run, crowd, bodies, least)
     finally:
         shapes.remove(bodies)
@@ -424,11 +443,14 @@ def judge(setting: Setting, run: Run) -> Judgement:
     return result
 
 
-def _seen(points: Array, speeds: Array, crowd: _Crowd, k: int) -> tuple[Array, Array, Array, Array]:
+def _seen(
+    shapes: RobotShapes, points: Array, speeds: Array, crowd: _Crowd, k: int
+) -> tuple[Array, Array, Array, Array]:
     """`_look` at one moment."""
     return _look(
         points,
         speeds,
+        shapes.link_of,
         crowd.starts[k],
         crowd.ends[k],
         crowd.start_speeds[k],
@@ -480,9 +502,8 @@ def _speeds(
     towards: Array,
     time_s: float,
     braking: bool,
-    last_towards: float,
-) -> float:
-    """Note the speeds near people at one command; return the largest excess of a speed towards one."""
+) -> None:
+    """Note the speeds near people at one command."""
     result.near += bool(fastest.any())
     result.still_m_s = np.maximum(result.still_m_s, fastest[0]).tolist()
     result.moving_m_s = np.maximum(result.moving_m_s, fastest[1]).tolist()
@@ -491,14 +512,12 @@ def _speeds(
         if still[0] >= max(result.still_m_s):
             result.still_at = f"{still[0]:.2f} m/s, {_name(crowd, still[1])}, {still[2]:.2f} m at {time_s:.2f} s"
     excess = float(towards[0])
-    if excess > 0.01:
-        if braking and excess < last_towards + 0.05:
-            result.towards_braking += 1
-        else:
-            result.towards_over += 1
-            if excess > result.towards_m_s:
-                result.towards_m_s, result.towards_at = excess, f"{_name(crowd, towards[1])} at {time_s:.2f} s"
-    return excess
+    if excess > TOWARDS_M_S and braking:
+        result.towards_braking += 1
+    elif excess > TOWARDS_M_S:
+        result.towards_over += 1
+        if excess > result.towards_m_s:
+            result.towards_m_s, result.towards_at = excess, f"{_name(crowd, towards[1])} at {time_s:.2f} s"
 
 
 def _name(crowd: _Crowd, number: float) -> str:
@@ -508,18 +527,22 @@ def _name(crowd: _Crowd, number: float) -> str:
     return f"{who} {capsule.group}{' outer' if capsule.outer else ''}"
 
 
-def _braking(robot: str, run: Run) -> Array:
-    """(N,) whether some joint changes its speed, or its acceleration, as fast as it may."""
-    model, count = ROBOTS[robot], len(run.times_s)
-    steps = np.maximum(np.diff(run.times_s), 1e-6)[:, None]
-    acceleration = np.diff(run.velocities_rad_s, axis=0) / steps
-    jerk = np.diff(acceleration, axis=0) / (0.5 * (steps[1:] + steps[:-1]))
-    hard = np.zeros(count, dtype=bool)
-    hard[1:] |= (np.abs(acceleration) / model.acceleration_rad_s2 > 0.9).any(axis=1)
-    hard[:-1] |= hard[1:]
-    hard[2:] |= (np.abs(jerk) / model.jerk_rad_s3 > 0.9).any(axis=1)
-    hard[:-2] |= hard[2:]
-    return hard
+def _is_braking(
+    shapes: RobotShapes, run: Run, crowd: _Crowd, k: int, towards: Array, braking: NDArray[np.bool_]
+) -> bool:
+    """Whether all joints that bring the point nearer that is too fast brake at their limits."""
+    capsule, place = int(towards[1]), int(towards[2])
+    shapes.pose(run.positions_rad[k])
+    point = shapes.points()[0][place]
+    along = crowd.ends[k, capsule] - crowd.starts[k, capsule]
+    share = np.clip((point - crowd.starts[k, capsule]) @ along / max(float(along @ along), 1e-12), 0.0, 1.0)
+    way = crowd.starts[k, capsule] + share * along - point
+    by_joint = np.empty(len(braking))
+    for joint, rate in enumerate(run.velocities_rad_s[k]):
+        shapes.pose(run.positions_rad[k], np.where(np.arange(len(braking)) == joint, rate, 0.0))
+        by_joint[joint] = shapes.points()[1][place] @ way
+    shapes.pose(run.positions_rad[k], run.velocities_rad_s[k])
+    return not (by_joint > SHARE * np.maximum(by_joint, 0.0).sum())[~braking].any()
 
 
 def _between(
@@ -553,7 +576,7 @@ def _between(
     for k, (time_s, pose) in enumerate(zip(times, poses, strict=True)):
         shapes.pose(pose)
         points, speeds = shapes.points()
-        here = _seen(points, speeds, fine, k)[0]
+        here = _seen(shapes, points, speeds, fine, k)[0]
         here[fine.offered] = np.inf
         # Between commands only what is nearer than at every command matters.
         known = np.array([result.clearance_m.get(_kind(fine, index), NEAR_M) for index in range(len(bodies))])

@@ -9,6 +9,15 @@ JOINTS = ("a", "b", "c")
 ARM = ("shoulder", "elbow", "hand")
 
 
+def smooth_track(index, frames):
+    """16 columns that move like arms do: slowly, and a little differently in each trial; the first nine are one."""
+    rng = np.random.default_rng(index)
+    times = np.linspace(0, 2 * np.pi, frames)[:, None]
+    moving = 0.2 * np.sin(times + rng.uniform(0, 0.5, 16)) * rng.uniform(0.5, 1.0, 16)
+    moving[:, :9] += np.array([0, 0, 0, 0.02, 0, -0.18, 0.05, 0, -0.4])
+    return moving
+
+
 def made_trial(trial, interaction="reach", frames=90, rate_hz=40.0, gain=1.0, seed=0):
     """The hand moves on a bump whose onset is drawn; the robot's joints are `gain` times smooth functions of it."""
     rng = np.random.default_rng([seed, trial])

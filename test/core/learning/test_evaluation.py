@@ -78,3 +78,9 @@ def test_the_interval_draws_trials_not_windows():
     # The half width of the normal approximation; 15 % covers the bootstrap's own noise with 2000 draws.
     assert (high - low) / 2 == pytest.approx(wanted, rel=0.15)
     assert summarise(trials, ("a",)).macro_interval == (low, high)
+
+
+def test_an_interval_is_that_of_the_macro_error_over_all_interactions():
+    trials = [trial_errors(index, "ab"[index % 2], np.full(9, 1.0 + index % 2)) for index in range(8)]
+    errors = summarise(trials, ("a", "b"))
+    assert errors.macro_interval == pytest.approx((errors.macro_mse, errors.macro_mse)) == (1.5, 1.5)

@@ -12,7 +12,7 @@ from mild_core.learning.cross_validation import Job, run_job
 from mild_core.learning.learned_model import learn
 from mild_core.learning.methods import METHODS
 from mild_core.learning.windows import PROTOCOLS, cut
-from test.core.learning.made_trials import made_trials
+from test.core.learning.made_trials import made_trials, smooth_track
 from test.core.learning.small_settings import SMALL, SMALL_PAPER
 from test.core.learning.test_buetepage_hr import one_hot, write
 
@@ -40,9 +40,7 @@ def test_a_learned_model_answers_as_torch_says_and_never_looks_at_the_answer(sma
 
 @pytest.mark.parametrize("method", ["mild", "mild_paper"])
 def test_one_training_gives_the_row_with_labels_and_the_row_without(tmp_path, method):
-    rng = np.random.default_rng(0)
-    times = np.linspace(0, 6, 120)[:, None]
-    tracks = [0.3 * np.sin(times + rng.uniform(0, 6, 16)) for _ in range(8)]
+    tracks = [smooth_track(index, 120) for index in range(8)]
     path = write(tmp_path / "a.npz", tracks, [one_hot(index // 4, 120) for index in range(8)])
     result = run_job(Job("buetepage_hr", path, "ahead", method, fold=1, seed=0))
     assert set(result.errors) == {GIVEN, RECOGNISED} | ({STARTED} if method == "mild" else set())
@@ -53,7 +51,7 @@ def test_one_training_gives_the_row_with_labels_and_the_row_without(tmp_path, me
 
 
 def test_a_fold_that_no_trial_falls_into_has_rows_without_errors(tmp_path):
-    tracks = [0.3 * np.sin(np.linspace(index, 6 + index, 120))[:, None] * np.ones(16) for index in range(6)]
+    tracks = [smooth_track(index, 120) for index in range(6)]
     path = write(tmp_path / "a.npz", tracks, [one_hot(index // 3, 120) for index in range(6)])
     result = run_job(Job("buetepage_hr", path, "ahead", "mild", fold=3, seed=0))
     assert result.errors == {GIVEN: (), RECOGNISED: (), STARTED: ()}

@@ -335,14 +335,16 @@ def test_everyone_is_there_the_watched_one_by_one_number_and_others_by_their_own
     assert body_segments(NO_BODIES, HERE, UP) is NO_SEGMENTS
 
 
-def test_a_tracker_that_swaps_its_numbers_changes_nobody() -> None:
-    bodies = NO_BODIES
+@pytest.mark.parametrize(("apart_m", "watched"), [(1.5, 0), (0.45, None)])
+def test_a_tracker_that_swaps_its_numbers_changes_nobody(apart_m: float, watched: int | None) -> None:
+    """Also of two who stand so near that either could be where the other was."""
+    bodies, aside = NO_BODIES, FAR + np.array([0.0, apart_m, 0.0])
     for frame in range(20):
-        bodies = after(bodies, two(frame >= 10, frame * PERIOD_S), frame * PERIOD_S)
+        bodies = after(bodies, two(frame >= 10, frame * PERIOD_S, (FAR, aside)), frame * PERIOD_S, watched)
     assert sorted(one.number for one in bodies.everyone) == [1, 2]
     assert {one.number: one.person_id for one in bodies.everyone} == {1: 8, 2: 7}
     found = numbers(bodies)
-    assert np.linalg.norm(found[2][:2] - ASIDE[:2]) < 0.01
+    assert np.linalg.norm(found[2][:2] - aside[:2]) < 0.01
 
 
 def test_a_bystander_keeps_the_number_and_whoever_comes_gets_a_new_one() -> None:
@@ -367,14 +369,15 @@ def test_a_body_that_a_tracker_shows_twice_is_one() -> None:
     assert len(after(NO_BODIES, two(False, 0.0, apart), 0.0).everyone) == 2
 
 
+@pytest.mark.parametrize("at_once", [False, True])
 @pytest.mark.parametrize("age_s", [0.1, 0.4, 2.0])
-def test_a_missing_body_goes_on_for_a_moment_takes_more_room_and_is_forgotten(age_s: float) -> None:
+def test_a_missing_body_goes_on_for_a_moment_takes_more_room_and_is_forgotten(age_s: float, at_once: bool) -> None:
     velocity, bodies = np.array([0.6, 0.0, 0.0]), NO_BODIES
     for frame in range(30):
         time_s = frame * PERIOD_S
         bodies = after(bodies, [person(body(FAR + time_s * velocity), time_s)], time_s)
     shown, last_s = parts(bodies), 29 * PERIOD_S
-    gone, steps = bodies, round(age_s / PERIOD_S)
+    gone, steps = bodies, 1 if at_once else round(age_s / PERIOD_S)
     for step in range(1, steps + 1):
         gone = after(gone, [], last_s + age_s * step / steps)
     found = parts(gone)

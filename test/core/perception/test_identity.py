@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mild_core.perception.identity import apart_m
 from mild_core.perception.stage import Perception
 from mild_core.signals import FeatureWindow, SkeletonFrame
 from test.core.perception.scene import PERSON, SECOND, SETTINGS, People, at_rate, run, seen
@@ -184,3 +185,11 @@ def test_bones_of_somebody_else_lead_to_a_new_calibration(alone: list[People]) -
 def _at_rest(times_s: np.ndarray) -> np.ndarray:
     rest = np.array([[0.0, 0.0, 0.0], [0.0, -0.02, -0.18], [0.03, -0.02, -0.41]])
     return np.repeat(rest[None], len(times_s), axis=0)
+
+
+@pytest.mark.parametrize("joints", [3, 4])
+def test_one_joint_that_a_tracker_throws_away_makes_nobody_another_person(joints: int) -> None:
+    trunk = tuple((0.2 * joint, 2.0, 1.0) for joint in range(joints))
+    moved = tuple((x + 0.1, y, z) for x, y, z in trunk)
+    assert apart_m(trunk, (*moved[:-1], (9.0, 9.0, 9.0))) == pytest.approx(0.1)
+    assert apart_m(trunk, (None,) * joints) is None

@@ -98,7 +98,8 @@ def test_a_tracker_that_slows_down_is_followed() -> None:
         (140.0, 105.0, 0),  # at most a twentieth longer at once: losses lengthen intervals
         (160.0, 105.0, 1),
         (300.0, 105.0, 2),
-        (1.0, 90.0, 0),  # two messages in a burst are not less than none missed
+        (3.0, 90.0, 0),  # two messages in a burst are not less than none missed
+        (1.0, 0.0, 0),  # of a flood: the tracker's rate has to show anew
     ],
 )
 def test_one_interval_changes_the_estimate_a_little(interval_ms: float, estimated_ms: float, missed: int) -> None:
@@ -132,3 +133,15 @@ def test_bones_get_their_lengths_and_keep_their_directions() -> None:
 
 def test_a_bone_without_a_direction_stays_finite() -> None:
     assert np.isfinite(with_bone_lengths(np.zeros((1, 3, 3)), (0.18, 0.234))).all()
+
+
+def test_of_a_flood_nothing_is_missed_and_after_it_the_trackers_own_rate_counts() -> None:
+    """Messages of a flood come in bursts; what lies between them tells nothing."""
+    bursts = [number * 7_000_000 + within * 300_000 for number in range(200) for within in range(4)]
+    after = [bursts[-1] + 33_000_000 * number for number in range(1, 60)]
+    cadence, missed = Cadence(bursts[0]), 0
+    for stamp_ns in bursts[1:] + after:
+        cadence, more = cadence.after(stamp_ns)
+        missed += more
+    assert missed == 0
+    assert cadence.interval_ns == pytest.approx(33_000_000)

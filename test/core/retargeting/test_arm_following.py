@@ -30,10 +30,10 @@ YUMI_ARM = replace(YUMI, arm_links=("yumi_link_1_r", "yumi_link_4_r"))
 """A robot with seven joints and no closed form."""
 
 
-def arm(bones: FloatArray) -> FloatArray:
-    """(..., 3, 3) shoulder, elbow, hand of a person with these bones (..., 2, 3), each 28 cm long."""
-    lengths = np.linalg.norm(bones, axis=-1, keepdims=True)
-    return np.concatenate([np.zeros((*bones.shape[:-2], 1, 3)), np.cumsum(0.28 * bones / lengths, axis=-2)], axis=-2)
+def arm(bones: FloatArray, lengths_m: tuple[float, float] = (0.31, 0.25)) -> FloatArray:
+    """(..., 3, 3) shoulder, elbow, hand of a person with bones (..., 2, 3) in these directions."""
+    scaled = np.array(lengths_m)[:, None] * bones / np.linalg.norm(bones, axis=-1, keepdims=True)
+    return np.concatenate([np.zeros((*bones.shape[:-2], 1, 3)), np.cumsum(scaled, axis=-2)], axis=-2)
 
 
 def arm_window(arm_m: FloatArray, stamp_ns: int) -> MotionWindow:
@@ -67,6 +67,12 @@ def test_pepper_does_what_the_partner_does() -> None:
     for got, wanted in zip(PEPPER.arm.directions((pitch, roll), (yaw, bend)), AHEAD, strict=True):
         # It has arrived: what is left is the elbow's slack, far below a degree.
         assert np.dot(got, wanted) / np.linalg.norm(wanted) > np.cos(np.radians(0.5))
+
+
+def test_only_directions_count_whatever_the_lengths_of_the_persons_bones() -> None:
+    follower, home = LinkFollower(YUMI_ARM), tuple(YUMI_ARM.home_rad.tolist())
+    found = [follower.joints(arm(AHEAD, lengths_m), home) for lengths_m in ((0.31, 0.25), (0.25, 0.31), (0.2, 0.2))]
+    np.testing.assert_allclose(found[1:], [found[0]] * 2, atol=1e-9)
 
 
 def test_a_robot_without_a_closed_form_points_where_it_can() -> None:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from math import acos, degrees, pi
 from pathlib import Path
 
@@ -59,6 +60,17 @@ def test_what_pepper_can_do_is_done_exactly(joints: tuple[float, ...]) -> None:
     found = solved(upper_arm, forearm, joints)
     # What a nearly straight elbow gives away for its peace; acos rounds at 1e-8.
     assert max(errors(found, upper_arm, forearm)) < np.radians(0.05)
+
+
+@given(ANGLES)
+def test_an_elbow_that_bends_the_other_way_is_bent_so(joints: tuple[float, ...]) -> None:
+    """Pepper's left elbow: its roll is negative."""
+    (*lower, least), (*upper, most) = ARM.lower_rad, ARM.upper_rad
+    other = replace(ARM, lower_rad=(*lower, -most), upper_rad=(*upper, -least))
+    joints = (*joints[:3], -joints[3])
+    upper_arm, forearm = other.directions(joints[:2], joints[2:])
+    shoulder, elbow = other.solve(upper_arm, forearm, joints)
+    assert max(errors((*shoulder, *elbow), upper_arm, forearm)) < np.radians(0.05)
 
 
 @given(DIRECTIONS, DIRECTIONS, ANGLES)
@@ -124,6 +136,12 @@ def test_an_arm_without_a_direction_changes_nothing(broken: float) -> None:
     arm = np.array([[0, 0, 0], [0, 0, -0.3], [0.1, 0, -0.5]])
     arm[1] = broken
     assert ARM.joints(arm, NEAR) == NEAR
+
+
+@pytest.mark.parametrize(("length_m", "is_bone"), [(0.009, False), (0.05, True), (1.5, True), (2.1, False)])
+def test_a_bone_that_is_none_has_no_direction(length_m: float, is_bone: bool) -> None:
+    arm = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -0.3], [length_m, 0.0, -0.3]])
+    assert (ARM.joints(arm, NEAR) != NEAR) == is_bone
 
 
 def recorded_arms(mild_data: Path) -> list[np.ndarray]:

@@ -164,6 +164,43 @@ def test_clearance_falls_no_faster_than_the_arm_and_the_person_come_nearer(guard
             assert not view.approach_m_s.any()
 
 
+@pytest.mark.parametrize("seed", range(12))
+def test_points_all_around_the_arm_count_towards_somebody_who_comes(guard: Guard, seed: int) -> None:
+    pose, rates, people = scene(seed)
+    coming = among(people.ends_m, np.full((3, 2, 3), 1.0), people.radii_m)
+    given = np.zeros(1), pose[None], rates[None]
+    nearest = guard.view(*given, coming, UNPACED_M).toward_m_s[0]
+    around = guard.view(*given, coming, UNPACED_M, around=True).toward_m_s[0]
+    still = among(people.ends_m, np.zeros((3, 2, 3)), people.radii_m)
+    np.testing.assert_array_equal(guard.view(*given, still, UNPACED_M, around=True).toward_m_s[0], nearest)
+    assert (around >= nearest).all()
+    assert (around > nearest).any()
+    # Points on the surfaces themselves move as their links do.
+    chain = CHAIN.columns, CHAIN.offsets, CHAIN.axes
+    frames, later = frames_of(pose, *chain), frames_of(pose + STEP_S * rates, *chain)
+    fastest = np.zeros(3)
+    for part in CAPSULES.moving.astype(int):
+        frame = int(CAPSULES.mounted[part])
+        moved = later[frame] @ np.linalg.inv(frames[frame])
+        for end in placed(pose)[part, :2]:
+            for side in np.random.default_rng(seed).normal(size=(60, 3)):
+                point = end + CAPSULES.outer_m[part] * side / np.linalg.norm(side)
+                rate = (moved[:3, :3] @ point + moved[:3, 3] - point) / STEP_S
+                for place in range(3):
+                    way, far = toward(point, people.ends_m[place])
+                    if far < 0.7:
+                        fastest[place] = max(fastest[place], float(rate @ way))
+    apart = guard.view(*given, coming, UNPACED_M).clear_m[0] > 0.05
+    assert (fastest[apart] <= 1.1 * around[apart] + 0.01).all()  # to first order
+
+
+def toward(point_m: np.ndarray, ends_m: np.ndarray) -> tuple[np.ndarray, float]:
+    """The direction from a point to a straight line between two ends, and how far that is."""
+    distance, _, share = nearest_points(point_m, point_m, *ends_m)
+    way = ends_m[0] + share * (ends_m[1] - ends_m[0]) - point_m
+    return way / max(float(distance), 1e-9), float(distance)
+
+
 @pytest.mark.parametrize(("speed", "approach"), [(0.7, 0.7), (-0.7, 0.0)])
 def test_a_person_who_comes_straight_at_the_hand_approaches_at_their_speed(
     guard: Guard, speed: float, approach: float
@@ -196,6 +233,7 @@ def bounds(clear: tuple[float, ...], **values: object) -> np.ndarray:
         "zones_m": np.array([0.3]),
         "near_speed_m_s": 0.8,
         "jerk_m_s3": 0.0,
+        "least_m_s": LEAST_M_S,
     } | values
     found: np.ndarray = path_bounds(*given.values())
     return found[0]
@@ -219,6 +257,8 @@ def test_inside_the_zone_the_arm_is_bounded_and_what_comes_nearer_lowers_the_bou
     np.testing.assert_allclose(bounds((0.2, 0.2), toward=np.array([[0.2], [0.9]]))[3:], [0.0, 0.1 - LEAST_M_S])
     coming = np.array([[0.3], [0.65]])
     np.testing.assert_allclose(bounds((0.2, 0.2), approach=coming)[3:], [0.0, 0.2 - 0.15 - LEAST_M_S])
+    # Of a motion that is wanted every speed counts.
+    np.testing.assert_allclose(bounds((0.2, 0.2), approach=coming, least_m_s=0.0)[3:], [0.0, 0.2 - 0.15])
     # Not below a standstill.
     np.testing.assert_allclose(bounds((0.2, 0.2), approach=coming + 1.0)[3:], [0.0, 0.2 - LEAST_M_S])
     np.testing.assert_allclose(bounds((0.2, 0.2), speed=np.ones(2), jerk_m_s3=80.0)[3:], [0.3, 0.0], atol=1e-12)
@@ -285,6 +325,19 @@ def checked(guard: Guard, speed_rad_s: float, people: Obstacles) -> str:
     now = JointMotion(tuple(YUMI.home_rad.tolist()), tuple(rates.tolist()), (0.0,) * 7)
     then = JointMotion(tuple((YUMI.home_rad + 0.01 * rates).tolist()), tuple(rates.tolist()), (0.0,) * 7)
     return guard.check_motion(limiter, now, then, 0.01, guard.here(now, people), people).refusal
+
+
+def test_while_somebody_comes_fast_only_an_arm_that_gives_way_may_turn_a_little_towards_them(guard: Guard) -> None:
+    still = still_ball(0.2)
+    people = among(still.ends_m, np.tile([-1.0, 0.0, 0.0], (1, 2, 1)), still.radii_m, horizon_s=0.05)
+    limiter = Limiter(YUMI.velocity_rad_s, YUMI.acceleration_rad_s2, YUMI.jerk_rad_s3)
+    forward = CHAIN.jacobian(YUMI.home_rad)[0]
+    rates = 0.015 * forward / float(forward @ forward)  # 1.5 cm/s
+    rest = JointMotion.at_rest(tuple(YUMI.home_rad.tolist()))
+    then = JointMotion(tuple((YUMI.home_rad + 0.005 * rates).tolist()), tuple(rates.tolist()), (0.0,) * 7)
+    given = limiter, rest, then, 0.01, guard.here(rest, people), people
+    assert guard.check_motion(*given).refusal == TOO_FAST
+    assert guard.check_motion(*given, giving_way=True).refusal == ""
 
 
 def test_beside_somebody_a_fast_motion_is_refused_and_a_slow_one_taken(guard: Guard) -> None:

@@ -85,14 +85,14 @@ OUTSIDE = '<!DOCTYPE r [<!ENTITY x SYSTEM "file:///etc/hostname">]><robot name="
         (b"\xff\xfe\x00binary", "no robot description"),
         ("<sdf/>", "<sdf>"),
         (" " * (SIZE_LIMIT + 1), "larger than"),
-        (ARM.replace('"revolute"', '"floating"'), "cannot be computed"),
+        (ARM.replace('"revolute"', '"screw"'), "of type 'screw' cannot be computed"),
         (ARM.replace("0 0 1", "0 nan 1", 1), "finite"),
         (ARM.replace("0 0 1", "0 1", 1), "3 finite"),
         (ARM.replace("0 0 1", "0 x 1", 1), "no robot description"),
         (ARM.replace("0 0 2", "0 0 0"), "no axis"),
         (ARM.replace('<child link="tip"/>', ""), "a child"),
-        (ARM.replace('child link="tip"', 'child link="fore"'), "hangs on no joint"),
-        (ARM.replace('name="slide"', 'name="shoulder"'), "no tree"),
+        (ARM.replace('child link="tip"', 'child link="fore"'), "'fore' hangs on two joints"),
+        (ARM.replace('name="slide"', 'name="shoulder"'), "two joints are called 'shoulder'"),
         (ARM.replace('parent link="base"', 'parent link="tip"'), "hangs on no joint"),
         (ARM.replace('<parent link="upper"/>', '<parent link="tip"/>'), "loop"),
     ],
@@ -105,5 +105,5 @@ def test_a_bad_description_is_one_clear_line(tmp_path: Path, text: str | bytes, 
 
 
 def test_a_missing_description_is_one_clear_line(tmp_path: Path) -> None:
-    with pytest.raises(SetupError, match="No such file"):
+    with pytest.raises(SetupError, match="no such file"):
         forward_kinematics(replace(YUMI, urdf_path=tmp_path / "none.urdf"), YUMI.home_rad, "tool_r")

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from mild_core.retargeting.modes import Mode
 from mild_core.retargeting.obstacles import KEPT_S, NOBODY, Crowd, obstacles_of
 from mild_core.retargeting.person import Standing
 from mild_core.retargeting.robots.yumi import YUMI
-from mild_core.retargeting.stage import UNKNOWN_BODY, UNMEASURED, Request, Retargeting, RetargetingSettings
+from mild_core.retargeting.stage import ASSUMED, UNKNOWN_BODY, UNMEASURED, Request, Retargeting, RetargetingSettings
 from mild_core.shapes import FloatArray
 from mild_core.signals import ARM_FRAME, ROBOT_FRAME, WATCHED_PERSON, BodySegments, PersonPose
 from test.bench.speed_near_people import judged
@@ -158,15 +159,16 @@ def test_a_bystander_within_reach_slows_the_arm_everywhere() -> None:
 
 
 def test_near_people_who_stand_still_nothing_of_the_arm_is_ever_faster_than_allowed() -> None:
-    found = judged(range(40, 46), 5.0, moving=False, every=3)
+    found = judged(range(40, 46), 5.0, moving=False)
     assert found.followed > 2000
     assert found.above == 0, found.peaks_m_s
-    assert found.peaks_m_s.max() > 0.5, "it does move near them"
+    assert max(found.peaks_m_s) > 0.5, "it does move near them"
     assert found.clear_m >= 0.05 - 1e-6
 
 
 def test_towards_people_who_move_the_arm_is_no_faster_than_their_approach_leaves_or_it_brakes() -> None:
-    found = judged(range(900, 903), 4.0, moving=True, every=2)
+    found = judged(range(900, 903), 4.0, moving=True)
+    assert found.near > 300
     assert found.not_braking == 0
     assert found.towards < 0.02 * found.ticks
     assert found.towards_m_s < 0.4
@@ -256,6 +258,21 @@ def test_an_unmeasured_camera_is_told_and_hands_touch_only_where_that_is_allowed
     assert run.state.notices(run.now_ns) == ()
 
 
+def test_an_unmeasured_camera_is_told_before_anybody_is_seen() -> None:
+    def told(measured: bool | None, standing: Standing = STANDING, **settings: Any) -> tuple[str, ...]:
+        return Retargeting(YUMI, RetargetingSettings(**settings), standing, measured).init().notices(0)
+
+    assert told(False) == (f"no contact: {UNMEASURED}",)
+    assert told(True) == told(None) == ()
+    assert told(False, allow_unmeasured_contact=True) == (ASSUMED,)
+    assert told(False, replace(STANDING, by_interaction={})) == (UNMEASURED,), "nothing touches"
+    run = Around()
+    run.retargeting = Retargeting(YUMI, run.retargeting.settings, STANDING, camera_measured=False)
+    run.state = run.retargeting.init()
+    run.wait(0.2)
+    assert run.state.no_contact, "the robot alone changes nothing"
+
+
 def test_without_a_measured_camera_the_uncertainty_of_the_place_is_kept_too() -> None:
     settings = RetargetingSettings()
     crowd = Crowd(ball(MET_M, np.zeros(3), number=WATCHED_PERSON), ARM_FRAME, 0, NOT_SEEN)
@@ -281,6 +298,16 @@ def test_no_hand_is_touched_of_whom_head_or_trunk_is_not_known_and_the_share_fad
     assert np.abs(np.diff(shares)).max() < 0.05
     assert run.state.notices(run.now_ns) == (f"no contact: {UNKNOWN_BODY}",)
     check_limits(YUMI, run.commands)
+
+
+@pytest.mark.parametrize("missing", ["", "head", "trunk"])
+def test_only_a_hand_that_may_be_touched_is_offered_and_others_push_the_arm_away_as_they_come(missing: str) -> None:
+    run = Around()
+    run.parts = tuple(part for part in people.RADII_M if part != missing)
+    run.live(0.5)
+    run.live(0.5, MET_M, AWAY)
+    among = run.retargeting._obstacles(run.state, run.now_ns)
+    assert (among.offered >= 0) is (not missing)
 
 
 def _raised(to_m: FloatArray) -> Callable[[float], FloatArray]:

@@ -63,7 +63,7 @@ def test_our_own_robots_go_by_name(name: str) -> None:
     ("old", "new", "said"),
     [
         ('name = "left yumi"', "", "key 'name' is missing"),
-        ('"tool_l"', '"tool_x"', "'tool_x' is unknown"),
+        ('"tool_l"', '"tool_x"', "key 'tool_link' is 'tool_x', which yumi.urdf has not; did you mean tool_r, tool_l?"),
         ("yumi_link_1_l", "yumi_link_4_l", "shoulder link 'yumi_link_4_l' moves with the arm"),
         ("yumi_joint_7_l", "yumi_joint_8_l", "holds 'yumi_joint_8_l', which yumi.urdf has not"),
         ("jerk_rad_s3 = [600, ", "jerk_rad_s3 = [", "no list of 7 numbers"),
@@ -72,7 +72,7 @@ def test_our_own_robots_go_by_name(name: str) -> None:
         ("acceleration_rad_s2 = 30", "acceleration_rads2 = 30", "key 'acceleration_rads2' is unknown"),
         ("gripper_l_joint", "gripper_joint", "key 'rest.gripper_joint' is unknown"),
         (f"{LEFT_REST_RAD[0]}, ", "9.0, ", "home_rad lies outside"),
-        (".urdf", ".xml", "cannot be read"),
+        (".urdf", ".xml", "there is no such file"),
         ("[rest]", "[rest", "is no TOML"),
         ('elbow_link = "yumi_link_4_l"', "", "key 'elbow_link' is missing"),
     ],
@@ -100,7 +100,7 @@ def test_a_description_without_limits_asks_for_them(tmp_path: Path) -> None:
     lines = ['name = "arm"', 'description = "arm.urdf"', 'base_link = "base"', 'tool_link = "tip"']
     lines += ['joint_names = ["turn"]', "home_rad = [0]", "acceleration_rad_s2 = 1", "jerk_rad_s3 = 1"]
     path = written(tmp_path, "\n".join(lines))
-    with pytest.raises(SetupError, match="key 'lower_rad' is missing, and"):
+    with pytest.raises(SetupError, match="key 'velocity_rad_s' is missing, and"):
         read_robot(path)
     path.write_text("\n".join([*lines, "lower_rad = -2", "upper_rad = 2", "velocity_rad_s = 1"]))
     assert read_robot(path).upper_rad.tolist() == [2.0]

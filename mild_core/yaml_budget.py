@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import yaml
-
 YAML_NODES, YAML_DEPTH = 500_000, 40
 """Most values, each use of an alias counted, and how deep they may be nested."""
 
@@ -15,6 +13,8 @@ def check_yaml(text: str) -> None:
     Raises:
         ValueError: It is.
     """
+    import yaml  # only who reads such a file needs it
+
     total = 0
     opened: list[tuple[str | None, int]] = []
     sizes: dict[str | None, int] = {}

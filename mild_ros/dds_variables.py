@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What environment variables do to DDS, and how each can keep nodes apart: for `mild doctor`."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+GIVEN_RMW = "MILD_GIVEN_RMW"
+"""Set by `./mild` to the user's RMW_IMPLEMENTATION where it takes Fast DDS in its place, the only one it brings."""
+
+PROFILES_HERE = ("DEFAULT_FASTRTPS_PROFILES.xml", "DEFAULT_FASTDDS_PROFILES.xml")
+"""Files of the current folder that Fast DDS 2 and 3 read unless SKIP_DEFAULT_XML_FILE is set."""
+
+UNNAMED = "a node without a name"
+"""A node that is seen, and of which not even the name arrives."""
+
+PAIRED = "pair_"
+"""Names of two processes that look for each other begin so."""
+
+RANGES = ("SUBNET", "LOCALHOST", "OFF", "SYSTEM_DEFAULT")
+
+OWN_SERVERS = ("127.0.0.1", "localhost", "0.0.0.0")
+DISCOVERY_PORT = 11811
+"""Of a discovery server that is named without one. Source: Fast DDS, ROS_DISCOVERY_SERVER."""
+
+
+@dataclass(frozen=True)
+class Variable:
+    """An environment variable that matters to DDS.
+
+    Attributes:
+        does: What it does, in a few words.
+        problem: What is wrong with a value, with what to do; "" for nothing.
+    """
+
+    does: str
+    problem: Callable[[str], str] = lambda value: ""
+
+
+def _without_server(value: str) -> str:
+    """A discovery server on this machine that does not run; what is elsewhere cannot be seen from here."""
+    bound = _udp_ports()
+    for server in filter(None, value.split(";")):
+        host, _, port = server.strip().rpartition(":") if ":" in server else (server.strip(), "", str(DISCOVERY_PORT))
+        if host in OWN_SERVERS and port.isdecimal() and int(port) not in bound:
+            return f"no server runs at {host}:{port}, so no node hears another: unset it, or start the server"
+    return ""
+
+
+def _udp_ports() -> set[int]:
+    """Ports that somebody on this machine listens at."""
+    tables = [Path(name) for name in ("/proc/net/udp", "/proc/net/udp6")]
+    lines = [line for table in tables if table.exists() for line in table.read_text().splitlines()[1:]]
+    return {int(line.split()[1].rsplit(":", 1)[1], 16) for line in lines}
+
+
+def _no_range(value: str) -> str:
+    if value.upper() == "OFF":
+        return "no node finds another: unset it, or set LOCALHOST or SUBNET"
+    return "" if value.upper() in RANGES else f"no range: set one of {', '.join(RANGES)}"
+
+
+def _no_file(value: str) -> str:
+    return "" if Path(value).is_file() else "no such file: unset it, or name one that there is"
+
+
+def _not_installed(value: str) -> str:
+    """An RMW that the ament index does not list."""
+    from ament_index_python.packages import PackageNotFoundError, get_package_prefix
+
+    try:
+        get_package_prefix(value)
+    except (PackageNotFoundError, ValueError, LookupError):
+        return "is not installed here: unset it, or install it"
+    return ""
+
+
+def _secured(value: str) -> str:
+    if value.lower() != "true":
+        return ""
+    keys = os.environ.get("ROS_SECURITY_KEYSTORE", "")
+    if not Path(keys or "/nonexistent").is_dir():
+        return f"there is no keystore ({keys or 'ROS_SECURITY_KEYSTORE is not set'}): unset both, or make one"
+    return "nodes need a Fast DDS built with security, which the wheels of ./mild are not"
+
+
+VARIABLES: Mapping[str, Variable] = {
+    "ROS_DISCOVERY_SERVER": Variable("nodes find each other only through the discovery server there", _without_server),
+    "ROS_SUPER_CLIENT": Variable("sees all that a discovery server knows"),
+    "ROS_STATIC_PEERS": Variable("nodes of these machines are looked for too"),
+    "ROS_LOCALHOST_ONLY": Variable("1 keeps discovery to this machine, whatever the discovery range says; outdated"),
+    "ROS_AUTOMATIC_DISCOVERY_RANGE": Variable("how far nodes are looked for", _no_range),
+    "RMW_IMPLEMENTATION": Variable("which middleware carries messages; one for all nodes", _not_installed),
+    GIVEN_RMW: Variable("your RMW_IMPLEMENTATION; ./mild brings Fast DDS alone and takes that"),
+    "FASTRTPS_DEFAULT_PROFILES_FILE": Variable("settings of Fast DDS 2, for transports, networks and QoS", _no_file),
+    "FASTDDS_DEFAULT_PROFILES_FILE": Variable("settings of Fast DDS, for transports, networks and QoS", _no_file),
+    "RMW_FASTRTPS_USE_QOS_FROM_XML": Variable("1 takes QoS from that file rather than from the nodes"),
+    "RMW_FASTRTPS_PUBLICATION_MODE": Variable("whether publishers wait for the network"),
+    "FASTDDS_BUILTIN_TRANSPORTS": Variable(
+        "how messages travel; UDPv4 leaves shared memory out, but not with the discovery range LOCALHOST"
+    ),
+    "FASTDDS_STATISTICS": Variable("Fast DDS publishes figures of its own"),
+    "FASTDDS_ENVIRONMENT_FILE": Variable("a file that sets ROS_DISCOVERY_SERVER", _no_file),
+    "SKIP_DEFAULT_XML_FILE": Variable("1 leaves settings of the current folder out"),
+    "CYCLONEDDS_URI": Variable("settings of Cyclone DDS, which Fast DDS passes over"),
+    "ROS_SECURITY_ENABLE": Variable("true lets only nodes with keys start", _secured),
+    "ROS_SECURITY_STRATEGY": Variable("Enforce refuses nodes without keys"),
+    "ROS_SECURITY_KEYSTORE": Variable("where those keys lie"),
+}
+"""Every variable that the doctor names when it is set."""
+
+HARMLESS = ("SKIP_DEFAULT_XML_FILE", GIVEN_RMW)
+"""Never the reason that nobody is heard."""
+
+
+def given(environment: Mapping[str, str] = os.environ) -> Iterator[tuple[str, str, Variable]]:
+    """Variables that are set: name, value and what is known of each."""
+    for name, variable in VARIABLES.items():
+        if value := environment.get(name):
+            yield name, value, variable
