@@ -373,8 +373,8 @@ FAULTS = (
         "named though unknown",
         "An interaction is named while the motion is far from all that the model knows.",
         f"{HERE}/stage.py",
-        "recognition.probability >= DECIDED and strangeness <= 1.0",
-        "recognition.probability >= DECIDED",
+        "recognition.probability >= DECIDED and familiar else NONE",
+        "recognition.probability >= DECIDED else NONE",
         (*STAGE, *TERRITORY),
     ),
     Fault(
