@@ -207,12 +207,11 @@ def _fault(transform: Any) -> str:
     """
     rotation, translation = transform.transform.rotation, transform.transform.translation
     parent, child = _name(transform.header.frame_id), _name(transform.child_frame_id)
-    length = math.hypot(rotation.x, rotation.y, rotation.z, rotation.w)
-    if not math.isfinite(length + translation.x + translation.y + translation.z):
+    norm = math.hypot(rotation.x, rotation.y, rotation.z, rotation.w)  # squared it may overflow
+    if not math.isfinite(norm + translation.x + translation.y + translation.z):
         return f"in '{parent}' is not finite"
-    norm = min(length, 1e100) ** 2
-    if abs(norm - 1.0) > UNIT_TO:
-        return f"in '{parent}' is turned by a quaternion of length {length:.3g}, not 1"
+    if abs(min(norm, 10.0) ** 2 - 1.0) > UNIT_TO:
+        return f"in '{parent}' is turned by a quaternion of length {norm:.3g}, not 1"
     if not parent or not child or parent == child:
         return f"has the parent '{parent}'"
     return ""
