@@ -61,6 +61,9 @@ def evaluate(
     every: Annotated[
         bool, typer.Option("--all", help="With --cv or --unknown: all three protocols of the recording.")
     ] = False,
+    strangers: Annotated[
+        bool, typer.Option("--strangers", help="Leave whole data sets out: are their people recognised? Takes minutes.")
+    ] = False,
     people: Annotated[
         Path | None, typer.Option(metavar="FILE", help="A people file: how the model does with these people.")
     ] = None,
@@ -107,6 +110,16 @@ def evaluate(
 
         mild evaluate --unknown --protocol ahead
 
+    **Whole data sets left out**: the recogniser of gestures, which every model shares, is learned on all recordings
+    here but one and meets the people of that one, for each in turn and with `--seeds` seeds:
+
+        mild evaluate --strangers --seeds 1
+
+    JSON: by data set `active_likeliest` (share of active frames in which the likeliest gesture is the right one, with
+    its `interval`), what is `right` and `wrong` at 0.5, 1, 2 and 3 s after the onset, `started_at_rest`,
+    `started_in_time` (within 2.6 s), and for each foreign motion the `area` under the curve and the `share` told
+    unknown at 5 % false alarms.
+
     **People it never met**: whole bodies of several people in one frame with z up, each watched in turn through the
     real perception, after 1.5 s of standing, with the model's robot standing by:
 
@@ -124,10 +137,15 @@ def evaluate(
     distances of the partner's joints [m²]; "macro" is the mean over the interactions. JSON: `macro.mse`,
     `interactions.<name>.mse`, `.mse_std`, `.windows`, `rmse_deg` or `rmse_cm`, `mean_absolute_deg` or `_cm`.
     """
-    asked = cv + unknown + bool(model)
+    asked = cv + unknown + strangers + bool(model)
     if asked != 1:
-        problem = "nothing to do" if not asked else "--cv and --unknown learn their own models, one at a time"
-        raise SetupError("evaluate", problem, "give --model, --cv or --unknown")
+        problem = "nothing to do" if not asked else "--cv, --unknown and --strangers learn their own, one at a time"
+        raise SetupError("evaluate", problem, "give --model, --cv, --unknown or --strangers")
+    if strangers:
+        from mild_ros.command_line.people import evaluate_strangers
+
+        evaluate_strangers(seeds, json)
+        return
     if people is not None:
         if not model:
             raise SetupError("--people", "measures a model", "give --model NAME too")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mild evaluate --people`: a model on people whom it never met."""
+"""`mild evaluate --strangers` and `--people`: people whom nothing was learned from."""
 
 from __future__ import annotations
 
@@ -61,7 +61,35 @@ def evaluate_people(file: Path, model_name: str, interaction: str, json: bool) -
         typer.echo(f"{key}: {_shown(value)}")
 
 
+def evaluate_strangers(seeds: int, json: bool) -> None:
+    """Print how gestures are recognised in each data set when it is left out.
+
+    Raises:
+        SetupError: There are fewer than two data sets here.
+    """
+    from mild_core.inference.stage import CERTAIN
+    from mild_core.learning.gestures import GestureSettings, arms_at_hand
+    from mild_core.learning.leave_set_out import leave_sets_out
+
+    arms, recordings = arms_at_hand()
+    if len(recordings) < 2:
+        names = ", ".join(one.name for one in recordings) or "none"
+        raise SetupError(
+            "--strangers", f"needs two data sets or more, here: {names}", "`mild data` says how to get them"
+        )
+    found = leave_sets_out(arms, GestureSettings(), seeds, CERTAIN)
+    if json:
+        typer.echo(json_text.dumps(found))
+        return
+    for name, figures in found.items():
+        typer.echo(f"{name}, left out")
+        for key, value in figures.items():
+            typer.echo(f"  {key}: {_shown(value)}")
+
+
 def _shown(value: Any) -> str:
     if isinstance(value, dict):
         return ", ".join(f"{name} {_shown(one)}" for name, one in value.items())
+    if isinstance(value, list):
+        return " to ".join(_shown(one) for one in value)
     return f"{value:.3f}" if isinstance(value, float) else str(value)
