@@ -14,7 +14,7 @@ from mild_ros.faults.judge import Command, problems
 from mild_ros.faults.page import row_start
 from mild_ros.faults.room import ROBOT, Room
 from mild_ros.faults.table import FAULTS, Fault
-from mild_ros.faults.trial import complaints, rest_after_s, turned_rad, running_room, tried
+from mild_ros.faults.trial import complaints, rest_after_s, running_room, tried, turned_rad
 from mild_ros.processes import private_domain
 from test.habits.tree import ROOT
 
