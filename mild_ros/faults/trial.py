@@ -175,7 +175,7 @@ def rest_after_s(
         during: Its commands.
         begun_ns: When the fault began.
         left_ns: When it ceased to follow; None for not at all.
-        made_way_rad: How far a joint turned at most after that, where the robot made way for somebody; None: it did not.
+        made_way_rad: How far a joint turned at most after that, if the robot made way for somebody; else None.
     """
     if answer in ("goes on", "gives way"):
         return None if left_ns is None else (left_ns - begun_ns) * 1e-9
