@@ -143,7 +143,9 @@ def _tried(room: Room, fault: Fault) -> Outcome:
     left_ns = next((at for at, mode in room.modes if begun_ns < at <= ended_ns and mode != "following"), None)
     during = room.commands_between(first, begun_ns, ended_ns)
     made_way = after.get(MADE_WAY, 0) > before.get(MADE_WAY, 0)
-    rest_s = rest_after_s(fault.answer, during, begun_ns, left_ns, made_way=made_way)
+    again_ns = next((at for at, mode in room.modes if left_ns and at > left_ns and mode == "following"), ended_ns)
+    stopped = [command for command in during if left_ns and left_ns + STOP_S * 1e9 <= command.stamp_ns <= again_ns]
+    rest_s = rest_after_s(fault.answer, during, begun_ns, left_ns, turned_rad(stopped) if made_way else None)
     hindered = made_way or after.get(KEPT_OUT, 0) > before.get(KEPT_OUT, 0)
     missed += complaints(fault, during, rest_s, put_rad, hindered=hindered)
     commands = room.commands[max(first - 3, 0) :]
@@ -161,7 +163,7 @@ def _recovers(room: Room, happened: Callable[[], bool]) -> bool:
 
 
 def rest_after_s(
-    answer: Answer, during: Sequence[Command], begun_ns: int, left_ns: int | None, *, made_way: bool
+    answer: Answer, during: Sequence[Command], begun_ns: int, left_ns: int | None, made_way_rad: float | None
 ) -> float | None:
     """When the robot came to rest; None for never.
 
@@ -173,19 +175,22 @@ def rest_after_s(
         during: Its commands.
         begun_ns: When the fault began.
         left_ns: When it ceased to follow; None for not at all.
-        made_way: Whether it made way for somebody.
+        made_way_rad: How far a joint turned at most after that, if the robot made way for somebody; else None.
     """
     if answer in ("goes on", "gives way"):
         return None if left_ns is None else (left_ns - begun_ns) * 1e-9
-    if made_way and left_ns is not None:
-        since = [command.positions_rad for command in during if command.stamp_ns >= left_ns + STOP_S * 1e9]
-        turned = np.abs(np.diff(np.array(since), axis=0)).sum(axis=0) if len(since) > 1 else np.zeros(1)
-        if turned.max() <= WAY_RAD:
-            return (left_ns - begun_ns) * 1e-9
+    if made_way_rad is not None and left_ns is not None and made_way_rad <= WAY_RAD:
+        return (left_ns - begun_ns) * 1e-9
     moving_ns = [begun_ns, *(command.stamp_ns for command in during if command.moves)]
     pauses = [before for before, after in pairwise(moving_ns) if after - before > A_WHILE_NS]
     rested_ns = pauses[0] if pauses and answer == "rests for a while" else moving_ns[-1]
     return (rested_ns - begun_ns) * 1e-9
+
+
+def turned_rad(commands: Sequence[Command]) -> float:
+    """How far the joint turned that turned most [rad]."""
+    positions = np.array([command.positions_rad for command in commands])
+    return float(np.abs(np.diff(positions, axis=0)).sum(axis=0).max()) if len(commands) > 1 else 0.0
 
 
 def complaints(

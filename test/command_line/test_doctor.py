@@ -175,7 +175,7 @@ def test_a_node_that_is_seen_and_not_heard_is_found_by_name(ros_domain: int, mon
     assert heard.well, heard
     assert heard.seen.startswith("1 other node")
     assert not unheard.well
-    assert "/left/probe publishes /left/joint_states, and nothing of it arrives" in unheard.seen
+    assert "publishes /left/joint_states, and nothing of it arrives" in unheard.seen
     assert "FASTDDS_BUILTIN_TRANSPORTS=UDPv4" in unheard.remedy
 
 

@@ -14,7 +14,7 @@ from mild_ros.faults.judge import Command, problems
 from mild_ros.faults.page import row_start
 from mild_ros.faults.room import ROBOT, Room
 from mild_ros.faults.table import FAULTS, Fault
-from mild_ros.faults.trial import complaints, rest_after_s, running_room, tried
+from mild_ros.faults.trial import complaints, rest_after_s, running_room, tried, turned_rad
 from mild_ros.processes import private_domain
 from test.habits.tree import ROOT
 
@@ -92,7 +92,8 @@ def test_an_arm_that_stays_where_it_is_has_not_given_way(rad_s: float, hindered:
 
 @pytest.mark.parametrize(("rad_s", "rests"), [(0.0, True), (0.3, True), (1.0, False)])
 def test_an_arm_that_goes_on_has_not_made_way_for_anybody(rad_s: float, rests: bool) -> None:
-    rest_s = rest_after_s("rests", turning(rad_s), 0, round(0.5e9), made_way=True)
+    commands = turning(rad_s)
+    rest_s = rest_after_s("rests", commands, 0, round(0.5e9), turned_rad(commands[80:]))
     assert rest_s is not None
     assert (rest_s <= 0.5) is rests
     assert list(complaints(FAULTS["NaN"], (), rest_s, np.zeros(7), hindered=True)) == (
