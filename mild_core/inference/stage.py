@@ -43,7 +43,7 @@ DECIDED = 0.5
 CERTAIN = 0.8
 """The same where people are recognised who were never recorded: in the first second all interactions begin alike."""
 
-NEAR, FAR = 0.4, 0.7
+NEAR, FAR = 0.4, 1.2
 """Distance from what the model learned from up to which its own evidence counts in full, and from which not at all.
 Chosen, like the two below, on people of one data set with models of another."""
 
@@ -156,7 +156,7 @@ class Inference:
         recognition, strangeness = self._carried_over(own, strangeness, seen.gestures)
         generated = self._generate(found, recognition)
         answer = self._beside(generated, given, seen, recognition)
-        state_name = self._state_name(recognition, familiar, seen.gestures)
+        state_name = self._state_name(recognition, familiar, seen.gestures, before)
         motion = self._motion(given, recognition, strangeness, answer, state_name)
         events = {**events, "accepted": 1, **({"unknown": 1} if strangeness > 1.0 else {})}
         if seen.rest is not None and is_waiting(seen.rest, self._rest_frames):
@@ -167,7 +167,14 @@ class Inference:
             copies = (*before.copies[:place], copy, *before.copies[place + 1 :])
             seen = replace(seen, recognition=own, copies=copies, index=index)
         counts = state.counted(events)
-        told = replace(seen, published=recognition, strayed=strayed, counts=counts, stamp_ns=given.stamp_ns)
+        told = replace(
+            seen,
+            published=recognition,
+            named=state_name == NAMED,
+            strayed=strayed,
+            counts=counts,
+            stamp_ns=given.stamp_ns,
+        )
         return replace(told, outcome="accepted", detail=""), (motion,)
 
     def by_component(self, state: InferenceState, window: FeatureWindow) -> tuple[MotionWindow, ...]:
@@ -223,9 +230,12 @@ class Inference:
             hand_m = read_only(positions[:, -3:])
             rest = first_seen(hand_m) if state.rest is None else watch(state.rest, hand_m[-1], passed)
         gestures = state.gestures
-        if self.model.gestures is not None and gestures is not None and np.isfinite(positions[-1]).all():
-            arm = unit_arm(positions[-1:].reshape(1, 3, 3), sum(self.model.manifest.observed.bone_lengths_m))[0]
-            gestures = self.model.gestures.step(gestures, arm, window.stamp_ns)
+        if self.model.gestures is not None and gestures is not None and np.isfinite(positions).all():
+            # Of the first window all rows are new: the hand may have left its rest since the oldest.
+            rows = positions[-1:] if gestures.stamp_ns is not None else positions
+            arms = unit_arm(rows.reshape(-1, 3, 3), sum(self.model.manifest.observed.bone_lengths_m))
+            for age, arm in zip(range(len(arms) - 1, -1, -1), arms, strict=True):
+                gestures = self.model.gestures.step(gestures, arm, window.stamp_ns - age * self._period_ns)
         return replace(state, units=units, rest=rest, gestures=gestures)
 
     def _carried_over(
@@ -252,8 +262,10 @@ class Inference:
         """Whether the person moves like those the model learned from, and it is sure what they do."""
         return strangeness < NEAR and own.probability > OWN_CERTAIN
 
-    def _state_name(self, recognition: Recognition, familiar: bool, gestures: GestureState | None) -> str:
-        """One of `RECOGNITION_STATES`."""
+    def _state_name(
+        self, recognition: Recognition, familiar: bool, gestures: GestureState | None, before: InferenceState
+    ) -> str:
+        """One of `RECOGNITION_STATES`. To name asks for more than to go on: what is named does not flicker."""
         if self.interaction != AUTO:
             return NAMED
         if gestures is None:
@@ -261,7 +273,9 @@ class Inference:
         if gestures.active_s == 0.0:
             return RESTING
         started = gestures.started or familiar
-        if started and recognition.probability >= CERTAIN:
+        published = before.published
+        same = published is not None and before.named and published.likeliest == recognition.likeliest
+        if started and recognition.probability >= (DECIDED if same else CERTAIN):
             return NAMED
         return OFFERED if gestures.active_s <= UNDECIDED_S or started else NONE
 

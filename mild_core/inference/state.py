@@ -44,6 +44,7 @@ class InferenceState:
         units: (R,) of the reservoir; None before the first window, and in a model without one.
         rest: Where the hand rested; None before the first window.
         published: What the newest motion says of the interaction; None before the first.
+        named: Whether that motion names it.
         gestures: Of the recogniser of gestures; None in a model without one.
         joints: The robot's own word on where it is.
         start: (J,) where the robot stood when the person came [rad]; None: it has not said.
@@ -55,6 +56,7 @@ class InferenceState:
     units: FloatArray | None = None
     rest: Rest | None = None
     published: Recognition | None = None
+    named: bool = False
     gestures: GestureState | None = None
     joints: JointTracks = field(default_factory=JointTracks)
     start: FloatArray | None = None

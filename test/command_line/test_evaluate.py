@@ -93,7 +93,7 @@ def test_an_empty_test_split_is_said_and_is_no_fault(model, data, capsys):
         (("--split", "tset"), "did you mean 'test'"),
         (("--labels", "maybe"), "use one of given, recognised"),
         (("--dataset", "nuisi_v9"), "'nuisi_v9' is unknown"),
-        (("--cv",), "--cv and --unknown learn their own models"),
+        (("--cv",), "--cv, --unknown and --strangers learn their own"),
     ],
 )
 def test_what_cannot_be_measured_is_refused_in_one_line(model, data, options, said, capsys):
