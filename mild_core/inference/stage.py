@@ -47,6 +47,9 @@ NEAR, FAR = 0.4, 1.2
 """Distance from what the model learned from up to which its own evidence counts in full, and from which not at all.
 Chosen, like the two below, on people of one data set with models of another."""
 
+KNOWN, UNKNOWN = 0.5, 2.0
+"""Largest out-of-distribution score of a motion that is taken for a known one, whoever does it, and that of any other."""
+
 OWN_NATS = 4.0
 """Most by which the model's own evidence can speak against an interaction."""
 
@@ -255,7 +258,7 @@ class Inference:
         log_odds = trust * own_nats + gestures.evidence[self.model.gesture_classes]
         weights = np.exp(log_odds - log_odds.max())
         known = gestures.active_s <= UNDECIDED_S or gestures.started or self._familiar(own, strangeness)
-        return Recognition(own.evidence, weights / weights.sum()), min(strangeness, 1.0) if known else 2.0
+        return Recognition(own.evidence, weights / weights.sum()), min(strangeness, KNOWN) if known else UNKNOWN
 
     @staticmethod
     def _familiar(own: Recognition, strangeness: float) -> bool:

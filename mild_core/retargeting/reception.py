@@ -17,7 +17,7 @@ from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.retargeting.state import Request, RetargetingState
 from mild_core.retargeting.target import checked_plan
-from mild_core.signals import JointMeasurement, MotionWindow, PersonPose
+from mild_core.signals import OFFERED, JointMeasurement, MotionWindow, PersonPose
 
 OUTSIDE_RAD = 0.02
 """A measured pose may lie this far outside the position limits: a robot that leans on its end stop."""
@@ -61,8 +61,12 @@ def take_motion(
 def _with_evidence(
     state: RetargetingState, given: MotionWindow, settings: RetargetingSettings, now_ns: int
 ) -> RetargetingState:
-    """The state with a running mean of how probable the recognised interaction is; what is unknown counts as 0."""
-    known = bool(given.interaction) and given.out_of_distribution <= settings.known_below
+    """The state with a running mean of how probable the recognised interaction is; what is unknown counts as 0.
+
+    An offered hand is on its way to a name: it counts, though only what is named is followed.
+    """
+    told = bool(given.interaction) or given.state == OFFERED
+    known = told and given.out_of_distribution <= settings.known_below
     value = min(max(given.probability, 0.0), 1.0) if known and math.isfinite(given.probability) else 0.0
     elapsed_s = settings.start_evidence_s if state.evidence_ns is None else (now_ns - state.evidence_ns) * 1e-9
     mean_s = settings.start_evidence_s / 2.0
