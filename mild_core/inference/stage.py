@@ -48,7 +48,7 @@ NEAR, FAR = 0.4, 1.2
 Chosen, like the two below, on people of one data set with models of another."""
 
 KNOWN, UNKNOWN = 0.5, 2.0
-"""Largest out-of-distribution score of a motion that is taken for a known one, whoever does it, and that of any other."""
+"""Largest out-of-distribution score of a motion that is taken for a known one, and that of any other."""
 
 OWN_NATS = 4.0
 """Most by which the model's own evidence can speak against an interaction."""
