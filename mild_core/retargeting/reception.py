@@ -17,7 +17,7 @@ from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.retargeting.state import Request, RetargetingState
 from mild_core.retargeting.target import checked_plan
-from mild_core.signals import OFFERED, JointMeasurement, MotionWindow, PersonPose
+from mild_core.signals import OFFERED, RESTING, JointMeasurement, MotionWindow, PersonPose
 
 OUTSIDE_RAD = 0.02
 """A measured pose may lie this far outside the position limits: a robot that leans on its end stop."""
@@ -52,7 +52,9 @@ def take_motion(
     state = _with_evidence(state, given, settings, now_ns)
     # To start asks for more than to go on, so that a score near the bound does not flicker between the two.
     bound = OUT_OF_DISTRIBUTION if state.mode is Mode.FOLLOWING else settings.known_below
-    if not given.interaction or given.out_of_distribution > bound:
+    # A hand that is back at its rest ends what was followed: the robot goes home, and does not hold as for the unknown.
+    ended = given.state == RESTING and state.mode is Mode.FOLLOWING
+    if not ended and (not given.interaction or given.out_of_distribution > bound):
         since_ns = now_ns if state.unknown_since_ns is None else state.unknown_since_ns
         return replace(state, unknown_since_ns=since_ns).ended("unknown")
     return replace(state, plan=plan, unknown_since_ns=None).ended("accepted")

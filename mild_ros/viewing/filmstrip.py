@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from mild_core.retargeting.robot import RobotModel
 from mild_core.shapes import FloatArray
+from mild_core.signals import OFFERED, RESTING
 from mild_ros.viewing.body import body_parts
 from mild_ros.viewing.figures.style import PAGE_IN
 from mild_ros.viewing.plots import INK
@@ -99,6 +100,8 @@ def caption(staged: Staged, moment: float) -> str:
     if not before:
         return ""
     newest = before[-1]
+    if newest.state in (RESTING, OFFERED):
+        return {RESTING: "resting", OFFERED: "a hand is offered"}[newest.state]
     if not newest.interaction or newest.out_of_distribution > 1.0:
         return "unknown motion"
     return f"{newest.interaction.replace('_', ' ')} {100 * newest.probability:.0f} %"
