@@ -30,6 +30,7 @@ def window(
     interaction: str = "handshake",
     out_of_distribution: float = 0.2,
     joint_names: tuple[str, ...] = YUMI.joint_names,
+    state: str = "named",
 ) -> MotionWindow:
     """A motion window with rows (W, J) at the model's rate."""
     return MotionWindow(
@@ -40,10 +41,11 @@ def window(
         positions=rows_rad,
         covariance=np.eye(rows_rad[0].size) * 1e-4,
         interaction=interaction,
-        probability=0.9 if interaction else 0.0,
+        probability=0.9 if interaction or state == "offered" else 0.0,
         belief=np.array([0.25, 0.75]),
         phase=0.5,
         out_of_distribution=out_of_distribution,
+        state=state,
     )
 
 

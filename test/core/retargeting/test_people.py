@@ -18,7 +18,15 @@ from mild_core.retargeting.person import Standing
 from mild_core.retargeting.robots.yumi import YUMI
 from mild_core.retargeting.stage import ASSUMED, UNKNOWN_BODY, UNMEASURED, Request, Retargeting, RetargetingSettings
 from mild_core.shapes import FloatArray
-from mild_core.signals import ARM_FRAME, ROBOT_FRAME, WATCHED_PERSON, BodySegments, PersonPose
+from mild_core.signals import (
+    ARM_FRAME,
+    OFFERED,
+    RESTING,
+    ROBOT_FRAME,
+    WATCHED_PERSON,
+    BodySegments,
+    PersonPose,
+)
 from test.bench.speed_near_people import judged
 from test.core.retargeting import people
 from test.core.retargeting.limits import check_limits
@@ -379,6 +387,27 @@ def test_a_first_motion_needs_evidence_for_a_while() -> None:
     assert run.state.counts["start_undecided"] == 1
     late = next(place for place, command in enumerate(run.commands[since:]) if command.mode == "following")
     assert 5 <= late <= 30
+
+
+def test_an_offered_hand_counts_towards_the_start_and_is_not_followed() -> None:
+    run = Around()
+    run.live(0.6, interaction="", state=RESTING)
+    run.live(0.5, MET_M, AWAY, interaction="", state=OFFERED)
+    assert run.last.mode == "ready"
+    since = len(run.commands)
+    run.live(0.3, MET_M, AWAY)
+    assert next(place for place, command in enumerate(run.commands[since:]) if command.mode == "following") <= 3
+
+
+def test_a_hand_that_is_back_at_its_rest_sends_the_robot_home() -> None:
+    """It has no name any more, and is nothing unknown either."""
+    run = Around()
+    run.live(0.6)
+    run.live(1.0, MET_M, AWAY)
+    assert run.last.mode == "following"
+    run.live(0.9, REST_M, AWAY, interaction="", state=RESTING)
+    assert run.last.mode == "returning"
+    assert "held_unknown" not in run.state.counts
 
 
 def test_the_exact_distance_of_segments() -> None:
