@@ -55,6 +55,10 @@ FEATURES = 33
 MEMORY = 30
 """Values that features remember between frames."""
 
+GOES_ON, REST_KNOWN = 1.0, 2.0
+"""First value of that memory: features go on, or begin again of a person whose place of rest is known; else they begin
+with a hand at rest."""
+
 PERIOD_NS = round(1e9 / RATE_HZ)
 
 DISTANCE, FROM_REST = 24, 30
@@ -99,15 +103,16 @@ def features_of(arm: FloatArray, memory: FloatArray) -> FloatArray:
 
     Args:
         arm: (T, 3, 3) shoulder, elbow and hand of `unit_arm` [arm lengths].
-        memory: (MEMORY,) what is remembered, changed in place; its first value is 0 before the first frame.
+        memory: (MEMORY,) what is remembered, changed in place; zeros before the first frame.
     """
     found = np.empty((len(arm), FEATURES))
     for t in range(len(arm)):
         row, elbow, hand = found[t], arm[t, 1] - arm[t, 0], arm[t, 2] - arm[t, 0]
-        if memory[0] == 0.0:
+        if memory[0] != GOES_ON:
+            rest = memory[22:25].copy() if memory[0] == REST_KNOWN else hand
             memory[:] = 0.0
-            memory[0] = 1.0
-            memory[1:4], memory[4:7], memory[22:25] = elbow, hand, hand
+            memory[0] = GOES_ON
+            memory[1:4], memory[4:7], memory[22:25] = elbow, hand, rest
             memory[25:29] = -np.inf
         from_rest = hand - memory[22:25]
         distance = np.sqrt((from_rest**2).sum())
@@ -252,6 +257,13 @@ class GestureRecogniser:
             started=False,
         )
 
+    def after_gap(self, state: GestureState) -> GestureState:
+        """The state in which nothing is known of the person but where their hand rests."""
+        fresh, memory = self.init(), np.zeros(MEMORY)
+        if state.memory[0] != 0.0:
+            memory[0], memory[22:25] = REST_KNOWN, state.memory[22:25]
+        return replace(fresh, memory=read_only(memory))
+
     def step(self, state: GestureState, arm: FloatArray, stamp_ns: int) -> GestureState:
         """Take one frame; samples between it and the one before are interpolated.
 
@@ -273,7 +285,7 @@ class GestureRecogniser:
         if not frames:
             return state
         memory, units = state.memory.copy(), state.units
-        rows, activations = self.activate(np.array(frames), memory, None if state.memory[0] == 0.0 else units)
+        rows, activations = self.activate(np.array(frames), memory, units if state.memory[0] == GOES_ON else None)
         for index, (one, row) in enumerate(zip(np.hstack([activations, rows]), rows, strict=True)):
             shoulder_m = frames[index][0] - (frames[index - 1][0] if index else before[0])
             state = self._judged(state, one, row * self.deviation + self.mean, float(np.linalg.norm(shoulder_m)))

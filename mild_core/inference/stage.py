@@ -218,7 +218,11 @@ class Inference:
             return state, 0, {}
         passed = max(1, round((window.stamp_ns - state.stamp_ns) / self._period_ns))
         if window.stamp_ns < state.stamp_ns or passed > self.model.manifest.window:
-            return self.afresh(state), 0, {"time_reset" if window.stamp_ns < state.stamp_ns else "gap_reset": 1}
+            fresh = self.afresh(state)
+            if self.model.gestures is not None and state.gestures is not None:
+                # The hand may be anywhere by now, and it is the same person as a rule.
+                fresh = replace(fresh, gestures=self.model.gestures.after_gap(state.gestures))
+            return fresh, 0, {"time_reset" if window.stamp_ns < state.stamp_ns else "gap_reset": 1}
         if state.rest is not None and is_back(state.rest, self._still_frames):
             return self.afresh(state), 0, {"begun_anew": 1}
         return state, state.index + passed, {"missed": passed - 1} if passed > 1 else {}

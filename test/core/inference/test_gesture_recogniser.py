@@ -112,6 +112,21 @@ def test_an_unfamiliar_motion_is_given_up_after_two_seconds(shipped: GestureReco
     assert not states[-1].started
 
 
+def test_the_rest_is_remembered_over_a_gap(shipped: GestureRecogniser) -> None:
+    """Who holds the hand out when they are seen again does not rest there."""
+    frames = waving(120)
+    before = played(shipped, frames[:40])[-1]
+    state = shipped.after_gap(before)
+    for index, arm in enumerate(frames[80:]):
+        state = shipped.step(state, arm, 2 * 10**9 + index * PERIOD_NS)
+    assert state.active_s > 1.0
+    assert state.started
+    for index in range(40):
+        state = shipped.step(state, frames[0], 5 * 10**9 + index * PERIOD_NS)
+    assert state.active_s == 0.0
+    assert played(shipped, frames[80:])[-1].distance < 0.5, "without memory the wave is its rest"
+
+
 def test_interactions_without_a_class_are_refused_by_name() -> None:
     assert gesture_classes(("hand_wave", "waving", "rocket")).tolist() == [0, 0, 2]
     with pytest.raises(ValueError, match="highfive"):
