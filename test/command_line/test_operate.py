@@ -18,6 +18,7 @@ from mild_ros.bags import open_bag
 from mild_ros.command_line.main import main
 from mild_ros.command_line.run import NODES
 from mild_ros.operator_client import meant
+from mild_ros.processes import private_domain
 from mild_ros.running import check_words
 
 ROOT = Path(__file__).parents[2]
@@ -40,23 +41,28 @@ def ended(started: subprocess.Popen[str]) -> subprocess.CompletedProcess[str]:
 
 @pytest.fixture(scope="module")
 def pipeline(ros_domain: int, tmp_path_factory: pytest.TempPathFactory):  # type: ignore[no-untyped-def]
-    """A pipeline that `mild run` has started, and its log."""
+    """A pipeline that `mild run` has started.
+
+    Its domain is its own: a pipeline that another test killed is seen for seconds after its end, and of two commanders
+    none sends.
+    """
     log = tmp_path_factory.mktemp("run") / "pipeline.log"
     command = [sys.executable, "-m", "mild_ros.command_line.main", "run", "pipeline", "-p", "interaction:=handshake"]
-    with log.open("w") as output:
+    with private_domain() as domain, pytest.MonkeyPatch.context() as patch, log.open("w") as output:
+        patch.setenv("ROS_DOMAIN_ID", str(domain))
         process = subprocess.Popen(command, cwd=ROOT, stdout=output, stderr=subprocess.STDOUT)
-    try:
-        deadline = time.monotonic() + PATIENCE_S
-        while "through yumi_buetepage_ahead" not in log.read_text():
-            assert process.poll() is None, log.read_text()
-            assert time.monotonic() < deadline, log.read_text()
-            time.sleep(0.05)
-        yield process
-        process.send_signal(signal.SIGINT)
-        assert process.wait(20.0) == 0, "the signal reaches the node itself, and so does its exit code"
-    finally:
-        if process.poll() is None:
-            process.kill()
+        try:
+            deadline = time.monotonic() + PATIENCE_S
+            while "through yumi_buetepage_ahead" not in log.read_text():
+                assert process.poll() is None, log.read_text()
+                assert time.monotonic() < deadline, log.read_text()
+                time.sleep(0.05)
+            yield process
+            process.send_signal(signal.SIGINT)
+            assert process.wait(20.0) == 0, "the signal reaches the node itself, and so does its exit code"
+        finally:
+            if process.poll() is None:
+                process.kill()
 
 
 def test_status_shows_every_node_and_its_mode(pipeline: subprocess.Popen[bytes]) -> None:
