@@ -52,8 +52,11 @@ SETTLED_S = 1.5
 FEATURES = 33
 """Values of a frame, see `features_of`."""
 
-MEMORY = 30
+MEMORY = 31
 """Values that features remember between frames."""
+
+HANGING, STILL = -0.75, 0.15
+"""Height of a hand that hangs [arm lengths from the shoulder], and speed of one that is still [arm lengths/s]."""
 
 GOES_ON, REST_KNOWN = 1.0, 2.0
 """First value of that memory: features go on, or begin again of a person whose place of rest is known; else they begin
@@ -114,6 +117,11 @@ def features_of(arm: FloatArray, memory: FloatArray) -> FloatArray:
             memory[0] = GOES_ON
             memory[1:4], memory[4:7], memory[22:25] = elbow, hand, rest
             memory[25:29] = -np.inf
+        # A hand that hangs still rests, wherever it was first seen.
+        hangs = hand[2] < HANGING and (memory[10:13] ** 2).sum() < STILL**2
+        memory[30] = memory[30] + 1.0 if hangs else 0.0
+        if memory[30] > 0.5 * RATE_HZ and ((hand - memory[22:25]) ** 2).sum() > AT_REST**2:
+            memory[22:25] = hand
         from_rest = hand - memory[22:25]
         distance = np.sqrt((from_rest**2).sum())
         height, forward, elevation = hand[2], hand[0], (hand[2] - elbow[2]) / FOREARM

@@ -127,6 +127,17 @@ def test_the_rest_is_remembered_over_a_gap(shipped: GestureRecogniser) -> None:
     assert played(shipped, frames[80:])[-1].distance < 0.5, "without memory the wave is its rest"
 
 
+def test_a_hand_that_hangs_still_rests_wherever_it_was_first_seen(shipped: GestureRecogniser) -> None:
+    """A node that starts while a hand is held out takes its place for the rest until it has been lowered."""
+    frames = waving(120)
+    track = np.concatenate([frames[80:], np.repeat(frames[:1], 30, axis=0), frames[20:]])
+    states = played(shipped, track)
+    lowered = states[len(frames[80:]) + 29]
+    assert lowered.active_s == 0.0
+    assert states[-1].started
+    assert GESTURES[int(states[-1].evidence.argmax())] == "wave"
+
+
 def test_interactions_without_a_class_are_refused_by_name() -> None:
     assert gesture_classes(("hand_wave", "waving", "rocket")).tolist() == [0, 0, 2]
     with pytest.raises(ValueError, match="highfive"):
