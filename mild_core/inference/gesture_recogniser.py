@@ -17,7 +17,7 @@ Source: ours; METHOD section 5 has the measurements behind the choice of feature
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -25,11 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mild_core.compiled import compiled
-from mild_core.inference.reservoir import run_units
+from mild_core.inference.reservoir import SETTLED_S, run_units
+from mild_core.inference.territory import TakeArray
 from mild_core.shapes import FloatArray, read_only
-
-TakeArray = Callable[[str, tuple[int | None, ...]], FloatArray]
-"""(name, shape) -> a finite array of that shape, or ValueError."""
 
 GESTURES = ("wave", "handshake", "rocket", "parachute")
 """Known interactions, in the order of the recogniser's classes."""
@@ -45,9 +43,6 @@ UPPER_ARM, FOREARM = 0.435, 0.565
 
 AT_REST = 0.12
 """A hand that is no further from its rest than this [arm lengths] has not begun anything."""
-
-SETTLED_S = 1.5
-"""A person who comes into view is assumed to have stood still for this long before."""
 
 FEATURES = 33
 """Values of a frame, see `features_of`."""

@@ -256,7 +256,7 @@ class Inference:
         if gestures is None:
             return own, strangeness
         if self.interaction != AUTO:
-            return own, min(strangeness, 1.0)
+            return own, min(strangeness, KNOWN)
         trust = min(max((FAR - strangeness) / (FAR - NEAR), 0.0), 1.0)
         own_nats = np.maximum(np.log(own.probabilities + 1e-12), -OWN_NATS)
         log_odds = trust * own_nats + gestures.evidence[self.model.gesture_classes]

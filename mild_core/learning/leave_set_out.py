@@ -17,13 +17,14 @@ from mild_core.inference.gesture_recogniser import (
     GestureRecogniser,
 )
 from mild_core.learning.gestures import Arm, GestureSettings, background_arms, begun, train_gestures
+from mild_core.learning.people import STANDING_S
+from mild_core.learning.strangers import MOMENTS_S
 from mild_core.learning.unknown import separation
 from mild_core.shapes import FloatArray
 
-STANDING_S, NOISE = 1.5, 0.004
-"""Each arm stands so long before its recording, with so much noise [arm lengths]."""
+NOISE = 0.004
+"""Of the tracker, while an arm stands and later [arm lengths]."""
 
-MOMENTS_S = (0.5, 1.0, 2.0, 3.0)
 START_WITHIN_S = 2.6
 BOOTSTRAP_DRAWS = 2000
 

@@ -553,4 +553,12 @@ FAULTS = (
         "arm[t, 1] - arm[0, 0], arm[t, 2] - arm[0, 0]",
         ("test/core/inference/test_gesture_recogniser.py",),
     ),
+    Fault(
+        "a given interaction is vetoed",
+        "A stranger is not answered though an operator has given the interaction.",
+        "mild_core/inference/stage.py",
+        "return own, min(strangeness, KNOWN)",
+        "return own, min(strangeness, 1.0)",
+        ("test/core/inference/test_gesture_recogniser.py",),
+    ),
 )

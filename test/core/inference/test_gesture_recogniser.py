@@ -21,8 +21,11 @@ from mild_core.inference.gesture_recogniser import (
     unit_arm,
 )
 from mild_core.inference.model import load_model
+from mild_core.inference.stage import Inference
 from mild_core.learning.gestures import GestureSettings, background_arms
+from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.shapes import FloatArray
+from mild_core.signals import FeatureWindow
 
 ROOT = Path(__file__).resolve().parent.parent.parent.parent
 
@@ -136,6 +139,24 @@ def test_a_hand_that_hangs_still_rests_wherever_it_was_first_seen(shipped: Gestu
     assert lowered.active_s == 0.0
     assert states[-1].started
     assert GESTURES[int(states[-1].evidence.argmax())] == "wave"
+
+
+def test_a_given_interaction_is_never_called_into_question() -> None:
+    """Nothing that a person does keeps the robot from an interaction that an operator has given."""
+    model = load_model(ROOT / "models" / "yumi_buetepage_ahead")
+    manifest = model.manifest
+    rng, scores = np.random.default_rng(0), {}
+    for interaction in ("handshake", "auto"):
+        stage = Inference(model, interaction)
+        state = stage.init()
+        for index in range(200):
+            features = rng.normal(size=(manifest.window, manifest.frame_values))
+            window = FeatureWindow(10**9 + index * 25_000_000, "", manifest.observed.joint_names, features)
+            state, (motion,) = stage.step(state, window, window.stamp_ns)
+        scores[interaction] = motion.out_of_distribution, motion.interaction
+    assert scores["auto"][0] > 1.0
+    assert scores["handshake"][0] <= RetargetingSettings().known_below
+    assert scores["handshake"][1] == "handshake"
 
 
 def test_interactions_without_a_class_are_refused_by_name() -> None:
