@@ -42,7 +42,7 @@ UPPER_ARM, FOREARM = 0.435, 0.565
 """Bones of the arm that features are made of, in arm lengths."""
 
 AT_REST = 0.12
-"""A hand that is no further from its rest than this [arm lengths] has not begun anything."""
+"""Largest distance of a resting hand from its place of rest [arm lengths]."""
 
 FEATURES = 33
 """Values of a frame, see `features_of`."""
@@ -66,10 +66,10 @@ BEGUN = 0.35
 """A hand this far from its rest [arm lengths] may start an interaction."""
 
 WALKING = 0.6
-"""Who moves faster than this [arm lengths/s] walks: nobody starts an interaction with a robot while walking."""
+"""Least shoulder speed of a walking person [arm lengths/s]; an interaction does not start while walking."""
 
 UNDECIDED_S = 2.0
-"""Before this, it cannot be told whether a motion is a known one; source: METHOD section 5."""
+"""Shortest motion that can be called unknown; source: METHOD section 5."""
 
 FAMILIAR_S = 3.0
 """Longest time that `familiar` is averaged over."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Learn the gesture recogniser from every human arm at hand, whoever it belonged to and whatever the partner was.
+"""Learn the gesture recogniser from every human arm at hand, of either person, whatever the partner was.
 
 Recordings are few and their people fewer, so each arm is augmented: another speed and style, another reach and height
 of the meeting point, another yaw and pitch of the body, and a time of standing before, so that no clock is learned.
@@ -141,7 +141,7 @@ def _interpolated(frames: FloatArray, times: FloatArray, wanted: FloatArray) -> 
 
 
 def augment(frames: FloatArray, settings: GestureSettings, rng: np.random.Generator) -> FloatArray:
-    """The same gesture by somebody else (T', 3, 3)."""
+    """The same gesture by another person (T', 3, 3)."""
     speed = rng.uniform(*settings.warp) * np.exp(
         np.interp(
             np.arange(len(frames)), np.linspace(0, len(frames) - 1, 4), rng.normal(size=4) * settings.unsteadiness
@@ -152,15 +152,15 @@ def augment(frames: FloatArray, settings: GestureSettings, rng: np.random.Genera
     shoulder, elbow, hand = frames[:, 0], frames[:, 1], frames[:, 2]
     rest = np.median(hand[:5], axis=0)
     away = np.linalg.norm(hand - rest, axis=1)
-    begun = np.clip(away / (0.8 * max(float(away.max()), 0.05)), 0.0, 1.0)[:, None]
+    raised = np.clip(away / (0.8 * max(float(away.max()), 0.05)), 0.0, 1.0)[:, None]
     turn = _turned(rng.uniform(-1, 1) * settings.yaw_rad, rng.uniform(-1, 1) * settings.pitch_rad)
     turned_rest = turn @ (rest - shoulder[0]) + shoulder[0]
     new_rest = rest + rng.uniform() * (turned_rest - rest)
     sideways, across = rng.normal(size=2) * settings.aside
-    moved = begun * np.array([sideways, across, rng.uniform(-1, 1) * settings.height])
+    moved = raised * np.array([sideways, across, rng.uniform(-1, 1) * settings.height])
     hand = (hand - shoulder) @ turn.T + shoulder
     hand = new_rest + rng.uniform(*settings.reach) * (hand - turned_rest) + moved
-    hand = hand + _wander(len(frames), settings.style, rng) * np.clip(0.3 + begun, 0.0, 1.0)
+    hand = hand + _wander(len(frames), settings.style, rng) * np.clip(0.3 + raised, 0.0, 1.0)
     elbow = (elbow - shoulder) @ turn.T + shoulder + _wander(len(frames), settings.style, rng)
     return bent_to(shoulder, elbow, hand)
 
@@ -203,7 +203,7 @@ def _across(vector: FloatArray, along: FloatArray) -> FloatArray:
     return across
 
 
-def begun(frames: FloatArray) -> FloatArray:
+def has_left_rest(frames: FloatArray) -> FloatArray:
     """(T,) whether the hand is away from where it rested at first."""
     hand = frames[:, 2] - frames[:, 0]
     away: FloatArray = np.linalg.norm(hand - np.median(hand[:5], axis=0), axis=1) > AT_REST
@@ -232,10 +232,10 @@ def train_gestures(
     for arm in known:
         for copy in range(settings.copies):
             frames = augment(arm.frames, settings, rng) if copy else arm.frames
-            label = np.where(begun(frames), GESTURES.index(arm.gesture), len(GESTURES))
+            label = np.where(has_left_rest(frames), GESTURES.index(arm.gesture), len(GESTURES))
             tracks.append((*_standing(frames, label, settings, rng), (arm.source, arm.gesture)))
     for frames in background:
-        label = np.where(begun(frames), len(GESTURES) + 1, len(GESTURES))
+        label = np.where(has_left_rest(frames), len(GESTURES) + 1, len(GESTURES))
         tracks.append((*_standing(frames, label, settings, rng), ("", "background")))
     rows = [features_of_track(frames, settings, rng) for frames, _, _ in tracks]
     shown = np.concatenate([row for row, (_, _, owner) in zip(rows, tracks, strict=True) if owner[0]])
@@ -366,7 +366,7 @@ def _jumping(frames: FloatArray, rng: np.random.Generator) -> FloatArray:
 
 
 def _turning(frames: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """The arm of somebody who turns meanwhile: its frame stays that of the neutral pose."""
+    """The arm of a person who turns: its frame stays that of the neutral pose."""
     if rng.uniform() < 0.4:
         return frames
     yaw = _wander(len(frames), rng.uniform(0.1, 0.8), rng, knot_s=2.0)[:, 0]

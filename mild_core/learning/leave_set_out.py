@@ -16,7 +16,7 @@ from mild_core.inference.gesture_recogniser import (
     UNDECIDED_S,
     GestureRecogniser,
 )
-from mild_core.learning.gestures import Arm, GestureSettings, background_arms, begun, train_gestures
+from mild_core.learning.gestures import Arm, GestureSettings, background_arms, has_left_rest, train_gestures
 from mild_core.learning.people import STANDING_S
 from mild_core.learning.strangers import MOMENTS_S
 from mild_core.learning.unknown import separation
@@ -57,7 +57,7 @@ def play(recogniser: GestureRecogniser, arm: Arm, certain: float, seed: int = 0)
     rng, standing = np.random.default_rng(seed), round(STANDING_S * RATE_HZ)
     frames = np.concatenate([np.repeat(arm.frames[:1], standing, axis=0), arm.frames])
     frames[:, 1:] += NOISE * rng.normal(size=frames[:, 1:].shape)
-    away = np.concatenate([np.zeros(standing, dtype=bool), begun(arm.frames)])
+    away = np.concatenate([np.zeros(standing, dtype=bool), has_left_rest(arm.frames)])
     if not away.any():
         return None
     states, state = [], recogniser.init()

@@ -20,7 +20,7 @@ MOMENTS_S = (0.5, 1.0, 2.0, 3.0)
 """After the onset, when it is asked what is recognised."""
 
 ONSET_M = 0.06
-"""A motion has begun when the hand is this far from its rest."""
+"""Distance of the hand from its rest at the onset of a motion."""
 
 STILL_RAD_S, STILL_S = 0.02, 0.5
 """A robot slower than this for so long stands; what it does next is another motion."""
@@ -48,7 +48,7 @@ class Watched:
         frames: Of the recording.
         accepted: Of them, by perception.
         starts: Times that the robot began to answer after the first half second.
-        made_way: Times that it moved otherwise: away from somebody who came near, or home.
+        made_way: Times that it moved otherwise: away from people, or home.
         minutes: Of accepted frames after it.
     """
 
