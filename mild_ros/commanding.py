@@ -40,12 +40,15 @@ SILENT = {
 }
 """Reasons to send no commands, and what is said of them; the operator's is said by the mode."""
 
-DISCOVERY_S = 3.0
+DISCOVERY_S = 4.0
 """For so long after the start another publisher may be unseen: DDS announces five times at the start and then every
-three seconds, and on a busy machine discovery took 2.2 s. Loading a model takes most of that time anyway ..."""
+three seconds, and the five may be lost on a busy machine. Loading a model takes most of that time anyway ..."""
 
-SETTLE_S = 0.5
-"""... and for so long after this node has made its publishers, one that starts at the same time may not see them."""
+SETTLE_S = 1.0
+"""... and for so long after this node has made its publishers, one that starts at the same time may not see them ..."""
+
+LATE_S = 0.05
+"""... where a gap between two looks counts as this at most: a machine that stalls control stalls discovery too."""
 
 
 class Commanding:
@@ -91,7 +94,7 @@ class Commanding:
         self._controllers = ControllerTopics(node, parameters, stage, self._naming)
         self._publisher = node.create_publisher(JointState, TOPIC, COMMAND)
         self._topics = [node.resolve_topic_name(topic) for topic in (TOPIC, *self._controllers.topics)]
-        self._discovered_s = max(node.started_s + DISCOVERY_S, time.monotonic() + SETTLE_S)
+        self._watched_s, self._settled_s = time.monotonic(), 0.0
         node.create_service(SetBool, "~/enable", self._on_enable, qos_profile=SERVICE)
         node.create_service(Trigger, "~/reset", self._on_reset, qos_profile=SERVICE)
 
@@ -146,10 +149,14 @@ class Commanding:
                 self._node.get_logger().error(f"{self._contest()}: stopping")
             else:
                 self.go_on("contest")
-        if "discovery" in self._reasons and time.monotonic() >= self._discovered_s:
+        if "discovery" in self._reasons:
+            now_s = time.monotonic()
+            self._settled_s += min(now_s - self._watched_s, LATE_S)
+            self._watched_s, seconds = now_s, now_s - self._node.started_s
+            if seconds < DISCOVERY_S or self._settled_s < SETTLE_S:
+                return
             self.go_on("discovery")
             if "contest" not in self._reasons:
-                seconds = time.monotonic() - self._node.started_s
                 self._node.get_logger().info(f"no other publisher of commands within {seconds:.1f} s: may command")
 
     def tell(self, state: RetargetingState) -> None:

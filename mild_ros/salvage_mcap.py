@@ -71,8 +71,8 @@ def tells_enough(reader: McapReader) -> bool:
     named = all(connection.msgtype != _NAMELESS for connection in reader.connections)
     if counted != reader.metadata.message_count or not named:
         return False
-    if reader.chunks:
-        return counted > 0
+    if reader.chunks:  # one that holds no messages, but says what would be in them, ends at time 0
+        return counted > 0 or not any(chunk.message_end_time for chunk in reader.chunks)
     with reader.path.open("rb") as given, mmap.mmap(given.fileno(), 0, access=mmap.ACCESS_READ) as data:
         newest_ns = 0
         for kind, begin, stop in _records(data, len(MAGIC), Loss()):

@@ -53,7 +53,7 @@ def pipeline(ros_domain: int, tmp_path_factory: pytest.TempPathFactory):  # type
         process = subprocess.Popen(command, cwd=ROOT, stdout=output, stderr=subprocess.STDOUT)
         try:
             deadline = time.monotonic() + PATIENCE_S
-            while "through yumi_buetepage_ahead" not in log.read_text():
+            while "may command" not in log.read_text():
                 assert process.poll() is None, log.read_text()
                 assert time.monotonic() < deadline, log.read_text()
                 time.sleep(0.05)

@@ -27,6 +27,17 @@ def test_an_existing_folder_is_not_overwritten(tmp_path):
     assert positions(path) == EXPECTED
 
 
+@pytest.mark.parametrize("durable", [False, True])
+def test_a_recording_that_ends_before_its_first_message_is_a_whole_bag(tmp_path, durable):
+    with create_bag(tmp_path / "bag", durable=durable) as bag:
+        bag.add_topic("/joint_states", JOINT_STATE)
+        bag.flush()
+        bag.add_topic("/elsewhere", JOINT_STATE)
+    with open_bag(tmp_path / "bag") as bag:
+        assert {topic: one.count for topic, one in bag.topics.items()} == {"/joint_states": 0, "/elsewhere": 0}
+        assert list(bag.messages()) == [] and bag.lost == ""
+
+
 def test_a_bag_in_several_files_is_one_bag(tmp_path):
     with create_bag(tmp_path / "bag", split_bytes=2000) as bag:
         for index in range(COUNT):

@@ -53,6 +53,8 @@ def test_a_domain_is_held_by_one_only(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("owner", [os.getuid(), os.getuid() + 1])
 def test_a_domain_with_left_shared_memory_is_taken_last(owner: int, monkeypatch: pytest.MonkeyPatch) -> None:
     own = {90: {os.getuid()}}
+    # A name of its own, since other tests hold domains at the same time.
+    monkeypatch.setattr(processes, "DOMAIN_LOCK", f"\0test_two_users {os.getpid()} {{}}")
     monkeypatch.setattr(processes, "DOMAINS", [90, 91] if owner == os.getuid() else [90, 92])
     monkeypatch.setattr(
         processes, "shared_memory_owners", lambda: own | ({92: {owner}} if owner != os.getuid() else {})
