@@ -88,7 +88,7 @@ class JointTracks:
     detail: str = ""
 
     def disagree(self, now_ns: int) -> bool:
-        """Whether messages contradict each other, so that nobody knows where the robot is."""
+        """Whether messages contradict each other, so that the robot's position is unknown."""
         doubted = self.doubted_ns
         return len(doubted) == DISAGREE_COUNT and (now_ns - doubted[0]) * 1e-9 <= DISAGREE_WITHIN_S
 
@@ -145,7 +145,7 @@ class JointMerger:
             return self._doubted(tracks, ours, far[0])
         if not far and any(old is not None and 0 < old.stamp_ns - new.stamp_ns <= LATE_S * 1e9 for new, old in before):
             return replace(tracks, outcome="late_joints", detail="its stamp is older than the one before")
-        # Meanwhile the joint may have had the time to get there: nobody contradicts any longer.
+        # Meanwhile the joint may have had the time to get there: no contradiction is left.
         settled = bool(far) or any(self._agrees(tracks.doubts[place], place, heard) for place, heard in ours)
         believed, doubts = list(tracks.believed), list(tracks.doubts)
         for place, heard in ours:

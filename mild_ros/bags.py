@@ -54,7 +54,7 @@ class TopicSummary:
     Attributes:
         type_name: Of its messages, by the name of today, e.g. `sensor_msgs/msg/JointState`.
         count: How many it holds.
-        latched: Whether the last one waits for whoever comes late.
+        latched: Whether the topic is latched (transient local).
     """
 
     type_name: str
@@ -311,7 +311,7 @@ def _definition(connection: Connection) -> tuple[str, str, bool]:
 
 
 def _is_latched(connection: Connection) -> bool:
-    """Whether the last message of a topic waits for whoever comes late."""
+    """Whether a topic is latched (transient local)."""
     if isinstance(connection.ext, ConnectionExtRosbag1):
         return bool(connection.ext.latching)
     return any(qos.durability == QosDurability.TRANSIENT_LOCAL for qos in connection.ext.offered_qos_profiles)

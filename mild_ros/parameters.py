@@ -84,7 +84,7 @@ def from_values(kind: type[Parameters], given: Mapping[str, Any]) -> Parameters:
 def declare(node: Node, kind: type[Parameters]) -> Parameters:
     """Declare the parameters of `kind` on `node`, read-only, with what was given on the command line or in a file.
 
-    Names that nobody declared are noticed here; ROS drops them in silence and shows them through no public method.
+    Undeclared names are noticed here; ROS drops them in silence and shows them through no public method.
 
     Raises:
         SetupError: As `from_values`.

@@ -158,7 +158,7 @@ class _Rewriting:
         self._layouts = Layouts()
 
     def add(self, found: Found, loss: Loss) -> None:
-        """Write a message; one of a type that nobody knows is lost."""
+        """Write a message; one of an unknown type is left out."""
         key = found.topic, found.type_name, found.definition, found.encoding
         if key not in self._connections:
             self._connections[key] = self._connection(found)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The scenes in `bags/`, made from a page of numbers: a kinematic person moves an arm along minimum-jerk paths.
 
-Nobody was recorded and no recording was copied: the poses below are ours, rounded to look like the four interactions
+No person was recorded and no recording was copied: the poses below are ours, rounded to look like the four interactions
 that the models know. `python -m mild_ros.scenes FOLDER` writes them again, to the same messages.
 """
 
@@ -25,7 +25,7 @@ RATE_HZ = 30.0
 """The Azure Kinect's."""
 
 START_NS = 1_700_000_000_000_000_000
-"""Of every scene: a date that nobody takes for a recording's."""
+"""Start time of every scene: a date that cannot be mistaken for a recording's."""
 
 TOPIC = "/body_tracking_data"
 """As the Azure Kinect's ROS driver calls it."""
@@ -227,7 +227,7 @@ def write_scene(scene: Scene, folder: Path) -> None:
 def _source(scene: Scene, duration_s: float) -> str:
     return f"""# {scene.name}
 
-Synthetic: nobody was recorded. {scene.what}
+Synthetic: no person was recorded. {scene.what}
 
 Made by `python -m mild_ros.scenes bags` from the poses of `mild_ros/scenes.py`, which are ours: minimum-jerk paths
 between them move the right arm of the kinematic person of `mild_ros/simulation/person.py`.

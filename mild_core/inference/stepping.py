@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One step of a member that is told the interaction, compiled as two functions: observe a window, generate a motion.
+"""One step of a member given the interaction, compiled as two functions: observe a window, generate a motion.
 
-Between them the interaction is recognised, which needs all members told each of them. All values that networks take in
+Between them the interaction is recognised, which needs all members given each of them. All values that networks take in
 lie on one board, an array in the order of `BOARD`; a network's intake is a list of places there.
 
 Source: Algorithm 2 of MILD.

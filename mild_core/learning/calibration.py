@@ -3,8 +3,8 @@
 
 A region of a covariance that should hold 90 % of the true values must hold 90 % of them in trials that nothing was
 learned from. What the priors spread and what cross-validation left over are both in it, and they overlap, so it comes
-out too wide; errors of few long trials are no Gaussian, so its width cannot be told from its parts. It is measured: one
-scale per interaction, learned from the trials of all folds but one and tried on those of that one.
+out too wide; errors of few long trials are no Gaussian, so its width cannot be derived from its parts. It is measured:
+one scale per interaction, learned from the trials of all folds but one and tried on those of that one.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 """Where the person stood: the place before the robot from which hands meet as they did in the recorded trials.
 
 Recordings give the person's arm from the person's own shoulder and the robot's joints, but not one in the frame of the
-other. While they touch, hand and tool are at one place, and that tells the transform.
+other. While they touch, hand and tool are at one place, which determines the transform.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ ADULT_ARM_M = (0.29, 0.335)
 
 FACE_TO_FACE_RAD = math.pi
 """The person's x axis points at the robot. Contacts of one interaction lie within centimetres of each other, so they
-cannot tell the yaw; it is given."""
+does not determine the yaw; it is given."""
 
 TOUCHING = 0.95
 """Hands touch while the person's hand is this near its farthest from rest, as a fraction of that distance."""

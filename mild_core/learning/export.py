@@ -36,7 +36,7 @@ MORE_REST_S = 0.25
 """What an onset is seen later by who takes the first frame, not the mean of the first ten, for the place of rest."""
 
 ORIGIN = HumanPlacement((1.0, 0.0, 0.7), np.pi)
-"""Where a person would stand if nobody says: an arm's length before the robot, facing it."""
+"""Default place of a person: an arm's length before the robot, facing it."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ def recognition_rates(rate_hz: float, settings: TrainingSettings) -> FloatArray:
 
 
 def rest_s(demonstrations: Sequence[Demonstration]) -> float:
-    """The longest time that anybody rested before the motion, and a little more [s]."""
+    """The longest rest before the motion in any trial, and a little more [s]."""
     return round(max(onset_frame(trial) / trial.rate_hz for trial in demonstrations) + MORE_REST_S, 2)
 
 

@@ -105,7 +105,7 @@ class PriorSettings:
         iterations: Of expectation maximisation each time.
         every: Epochs between two times.
         frozen_from: Share of the epochs after which it stays as it is.
-        restart: Probability per step that the online filter starts anew, see `Prior`.
+        restart: Probability per step that the online filter restarts, see `Prior`.
     """
 
     kind: str = "hsmm"
@@ -119,7 +119,7 @@ class PriorSettings:
 
 @dataclass(frozen=True)
 class RecogniserSettings:
-    """The network that tells interactions apart, see `recogniser`.
+    """The network that classifies the interaction, see `recogniser`.
 
     Attributes:
         question_coordinates: Principal components of the human's window that it sees.
@@ -180,9 +180,9 @@ class TrainingSettings:
         prior: The prior and its re-estimation.
         weights: Of the objective's terms.
         augmentation: None: trials as recorded.
-        recogniser: None: the reservoir alone tells interactions apart; without one, the priors' likelihoods do.
+        recogniser: None: the reservoir alone classifies the interaction; without one, the priors' likelihoods do.
         reservoir: None: the members answer alone.
-        start_pose: Whether it is learned what the robot's start tells, see `start_pose`; needs a reservoir.
+        start_pose: Whether a start pose correction is learned, see `start_pose`; needs a reservoir.
         stride: S: belief and memory see every S-th window; durations count in steps of S frames.
         gradient_stride: Windows between two that are learned from; `stride` where a gradient passes memory or belief.
         epochs: Number of passes over all trials.

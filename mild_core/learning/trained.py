@@ -32,7 +32,7 @@ class TrainedMember:
         prior: Of all interactions.
         question: Coordinates of the human's windows.
         answer: Coordinates of the robot's windows.
-        recogniser: None: the reservoir tells interactions apart, or else the priors do.
+        recogniser: None: the reservoir classifies the interaction, or else the priors do.
     """
 
     networks: MemberNetworks
@@ -67,7 +67,7 @@ class TrainedModel:
         interactions: By label.
         members: At least one.
         reservoir: What answers beside them; None: they answer alone.
-        start_pose: What the robot's start tells; None: nothing.
+        start_pose: Correction by the robot's start pose; None: none.
     """
 
     protocol: Protocol

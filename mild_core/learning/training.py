@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Algorithm 1 of MILD as one generator: an epoch of the networks under a fixed prior, then the prior by EM.
 
-Nothing is printed or written here: whoever iterates gets a report of each epoch and, as the generator's return value,
-what was learned. Equal arguments give equal results on one machine and one number of threads.
+Nothing is printed or written here: the caller iterates over a report of each epoch and, as the generator's return
+value, what was learned. Equal arguments give equal results on one machine and one number of threads.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ def train(
         seed: Of all draws.
         interactions: All that the model shall know, by label; default: those demonstrated, in order.
         start: Layers of another model to start from, see `carry_over`.
-        resume: The newest snapshot of each member that an interrupted run of the same had begun, in order.
+        resume: The newest snapshot of each member that an interrupted run of the same training left, in order.
 
     Yields:
         A report after each epoch.
@@ -143,7 +143,7 @@ def require_learnable(demonstrations: Sequence[Demonstration], protocol: Protoco
     """Every trial must show what can be, and give the prior one step for each component.
 
     Raises:
-        DatasetError: One does not, or nobody moves in any of them.
+        DatasetError: One does not, or no person moves in any of them.
     """
     require_valid(demonstrations)
     for demonstration in demonstrations:
@@ -244,7 +244,7 @@ def _trained(corpus: Corpus, objective: Objective, learner: Learner, seed: int, 
 
 
 def _recogniser(corpus: Corpus, settings: TrainingSettings) -> Recogniser | None:
-    """The network that tells interactions apart, where settings have one."""
+    """The recogniser network, where settings have one."""
     if settings.recogniser is None:
         return None
     epochs = round(settings.recogniser.epochs * settings.epochs)
@@ -269,7 +269,7 @@ def _coordinates(windows: Tensor, count: int, whitening: float) -> Coordinates:
 def _pass(
     learner: Learner, objective: Objective, corpus: Corpus, observed_only: bool
 ) -> tuple[float, float, float, float]:
-    """One epoch: every trial, `copies` times, bent anew. Returns the mean terms."""
+    """One epoch: every trial, `copies` times, with new augmentation. Returns the mean terms."""
     settings, networks, optimiser, prior = objective.settings, learner.networks, learner.optimiser, learner.prior
     tracks, phase = corpus.tracks, 0
     if settings.augmentation is not None:

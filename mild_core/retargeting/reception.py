@@ -67,8 +67,8 @@ def _with_evidence(
 
     An offered hand is on its way to a name: it counts, though only what is named is followed.
     """
-    told = bool(given.interaction) or given.state == OFFERED
-    known = told and given.out_of_distribution <= settings.known_below
+    is_some = bool(given.interaction) or given.state == OFFERED
+    known = is_some and given.out_of_distribution <= settings.known_below
     value = min(max(given.probability, 0.0), 1.0) if known and math.isfinite(given.probability) else 0.0
     elapsed_s = settings.start_evidence_s if state.evidence_ns is None else (now_ns - state.evidence_ns) * 1e-9
     mean_s = settings.start_evidence_s / 2.0
@@ -169,7 +169,7 @@ def take_request(state: RetargetingState, given: Request, now_ns: int) -> Retarg
         return replace(state, mode=mode).ended("enabled")
     if given.kind in ("hold", "release"):
         held = given.kind == "hold"
-        # Whoever has their hand up when the robot is released has to raise it anew.
+        # A hand that is up when the robot is released has to be raised again.
         sight = state.sight.at_rest_here() if state.sight is not None and not held else state.sight
         return replace(state, held=held, sight=sight).ended("held" if held else "released")
     state = replace(state, plan=None, pursuit=None, unknown_since_ns=None, holding_since_ns=now_ns)

@@ -44,7 +44,7 @@ def skeleton_source(parameters: PerceptionParameters) -> SkeletonSource:
 
 
 def robot_from_camera(text: str) -> FloatArray | None:
-    """(4, 4) pose of the tracker's frame in the robot's base frame; None when nobody has measured it.
+    """(4, 4) pose of the tracker's frame in the robot's base frame; None when not measured.
 
     Raises:
         SetupError: The text does not hold six finite numbers.

@@ -156,7 +156,7 @@ def _leave(table: Mapping[str, Any], rows: Sequence[Row], unit: Unit, out: Path,
 
 
 def tell_unknown(request: Request, out: Path, as_json: bool) -> None:
-    """Leave each interaction out, print and write how well it is told unknown, per protocol."""
+    """Leave each interaction out, print and write how well it is detected as unknown, per protocol."""
     from mild_core.learning.unknown import leave_one_out
 
     recording, trials = request.recording, _require_trials(request)
@@ -186,7 +186,7 @@ def _today() -> str:
 
 
 def _run(jobs: Sequence[Job], workers: int, protocol: str) -> list[Result]:
-    """All jobs, with a bar that tells what was learned last."""
+    """All jobs, with a bar that shows what was learned last."""
     from mild_core.learning.cross_validation import run_jobs
 
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())

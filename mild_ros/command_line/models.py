@@ -65,7 +65,7 @@ def _print(manifests: dict[str, Manifest], folder: Path) -> None:
     console.print(table)
     interactions = sorted({one for manifest in manifests.values() for one in manifest.interactions})
     console.print(f"interactions: {', '.join(interactions)}", highlight=False)
-    console.print("errors by cross-validation, told the interaction or recognising it; `mild models NAME` tells more")
+    console.print("errors by cross-validation, interaction given / recognised; `mild models NAME` for more")
 
 
 def measured(manifest: Manifest, labels: str) -> str:

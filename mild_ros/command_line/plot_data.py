@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from mild_core.learning.windows import Protocol
 
 PARTNER_AT_M = (0.9, 0.37, 0.0)
-"""Where a partner's right shoulder is drawn, seen from the person's: recordings of two people do not tell. Face to face
-one's right is the other's left, and shoulders are 0.37 m apart."""
+"""Where a partner's right shoulder is drawn, seen from the person's: recordings of two people do not contain it. Face
+to face one's right is the other's left, and shoulders are 0.37 m apart."""
 
 
 @dataclass(frozen=True, eq=False)

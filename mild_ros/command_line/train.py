@@ -189,11 +189,11 @@ def _finished(epochs: Generator[EpochReport, None, TrainedModel], checkpoint: Ch
         if not checkpoint.folder.exists():
             raise
         problem = f"does not fit what is trained ({str(error).splitlines()[0]})"
-        raise SetupError(str(checkpoint.folder), problem, "delete it to begin anew") from None
+        raise SetupError(str(checkpoint.folder), problem, "delete it to start over") from None
 
 
 def _with_progress(epochs: Generator[EpochReport, None, TrainedModel], checkpoint: Checkpoint) -> TrainedModel:
-    """Run the training and keep each epoch; a bar tells epoch and losses."""
+    """Run the training and keep each epoch; a bar shows epoch and losses."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     from mild_ros.command_line.console import Console
@@ -294,7 +294,7 @@ def _about(trained: TrainedModel, asked: Configuration, recording: Recording, tr
 
 
 def _placement(recording: Recording, trials: tuple[Demonstration, ...]) -> HumanPlacement:
-    """Where the person stood: as the recording says, or fitted to where hands meet; else nobody is asked."""
+    """Where the person stood: as the recording says, or fitted to where hands meet; else the default."""
     from mild_core.learning.contact import fit_contact
     from mild_core.learning.export import ORIGIN
     from mild_core.retargeting.robots import ROBOTS

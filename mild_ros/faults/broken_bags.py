@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bags with one thing wrong in each, and what comes of opening them: the table of the documentation.
 
-Each is made anew when the table is written, from a good bag of 24 messages, and opened twice: as it is, and with
+Each is created when the table is written, from a good bag of 24 messages, and opened twice: as it is, and with
 salvage.
 """
 

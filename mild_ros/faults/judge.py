@@ -13,10 +13,10 @@ from mild_core.retargeting.kept_limits import broken_limits
 from mild_core.retargeting.robot import RobotModel
 
 LONGEST_GAP_NS = 300_000_000
-"""After a longer silence the robot has come to rest, and commands begin anew from there (`max_gap_s`)."""
+"""After a longer silence the robot has come to rest, and commands start again from there (`max_gap_s`)."""
 
 STEP_S = 0.05
-"""Where commands begin anew, one or two of the newest before may have been overtaken on their way."""
+"""Where commands start again, one or two of the newest before may have been overtaken on their way."""
 
 MOVING_RAD_S = 1e-6
 """Slower than this is rest: an encoder needs an hour to see it."""

@@ -53,8 +53,8 @@ class LiveRoom(Room):
     @contextmanager
     def suffering(self, fault: Fault) -> Iterator[int]:
         """As of any room, and processes suffer too."""
-        with super().suffering(fault) as begun_ns, self._struck(fault):
-            yield begun_ns
+        with super().suffering(fault) as started_ns, self._struck(fault):
+            yield started_ns
 
     @contextmanager
     def _struck(self, fault: Fault) -> Iterator[None]:

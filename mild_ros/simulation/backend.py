@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a simulated robot must be able to do, whoever computes it."""
+"""Interface of a simulated robot, for every physics engine."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ SOFTEST, BEARING = 0.25, 1.3
 """Share of its motors' force that the arm keeps in any case, and how much more than its own weight it bears then."""
 
 RESERVE = 1.5
-"""Motors whose force nobody knows have this much more than they need."""
+"""Motors of unknown force have this much more than they need."""
 
 TRIED, SEED = 100, 7
 """Random poses in which that is computed."""

@@ -52,7 +52,7 @@ def whole_view(staged: Staged, robot_top_m: float) -> tuple[View, tuple[int, int
 
 
 def chosen_moments(staged: Staged, number: int = MOMENTS) -> FloatArray:
-    """Times [s] that tell the story: at rest, on the way, hands at their nearest, and back.
+    """Times [s] of the phases of an interaction: at rest, on the way, hands at their nearest, and back.
 
     The hand's way from rest says when something happens; what is nearest to the closest approach is moved onto it.
     """

@@ -103,7 +103,7 @@ def test_every_interaction_becomes_a_trial_and_nothing_of_it_is_changed(
         take, place = divmod(trial.trial, 6)
         assert trial.interaction == made[take].shown[place][1]
         arm, joints = truth(made[take], begins[trial.trial], trial.frames)
-        # trials.toml tells the begin of a trial to 0.1 ms, where the fastest hand goes 0.2 mm; people sway.
+        # trials.toml holds the start of a trial to 0.1 ms, where the fastest hand goes 0.2 mm; people sway.
         np.testing.assert_allclose(trial.observed_m, arm, atol=3e-4 + 2 * SWAY_M)
         # Joints between two messages of 25 Hz, whose values are between two frames of 15 Hz: a reversal is cut short.
         np.testing.assert_allclose(trial.controlled, joints, atol=0.03)
@@ -193,9 +193,9 @@ def test_two_people_are_brought_onto_one_clock(people: tuple[Path, Session, Sess
     folder, _, partner = people
     options = ("--config", str(folder / "cut.toml"), "--out", str(folder / "trials"))
     assert run("demonstrations", str(folder / "both"), *options) == 0
-    told = capsys.readouterr().out
-    assert "the clock of the partner is 1234.5 s off the recorder's: moved" in told
-    assert "2 trials from 1 bag: 1 handshake, 1 high_five; 2 left out: 1 other not recorded, 1 unlabelled" in told
+    printed = capsys.readouterr().out
+    assert "the clock of the partner is 1234.5 s off the recorder's: moved" in printed
+    assert "2 trials from 1 bag: 1 handshake, 1 high_five; 2 left out: 1 other not recorded, 1 unlabelled" in printed
     recording = recording_named(str(folder / "trials"))
     assert (recording.robot, recording.controlled_names) == ("", ("shoulder", "elbow", "hand"))
     text = (folder / "trials" / "trials.toml").read_text()
@@ -226,7 +226,7 @@ def test_two_people_in_the_same_messages_are_told_apart(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module", name="short")
 def _short(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A bag of one handshake and one wave, of which somebody says odd things."""
+    """A bag of one handshake and one wave, with odd labels."""
     folder = tmp_path_factory.mktemp("short")
     made = session(["handshake", "hand_wave"], 3)
     with create_bag(folder / "one") as bag:
@@ -240,7 +240,7 @@ def _short(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ("options", "more", "said"),
     [
         ((), "", "2 left out: 2 unlabelled; look at the pictures"),
-        (("--robot", ""), "-", "nobody answers the person; give --robot or --partner"),
+        (("--robot", ""), "-", "neither a robot nor a partner responds to the person; give --robot or --partner"),
         (("--partner", "same"), "", "both a robot and a partner answer"),
         (("--label", "topic:/lable"), "", "has no /lable of std_msgs/msg/String; name one of /label"),
         (("--topic", "/label"), "", "is of std_msgs/msg/String, not geometry_msgs/msg/PoseArray; name one of /people"),
@@ -259,9 +259,9 @@ def test_what_cannot_be_cut_is_one_line(short: Path, tmp_path: Path, capsys, opt
     (tmp_path / "cut.toml").write_text(f"{more}\n[person]\n{TRACKER}{robot}[cut]\nrate_hz = 15.0\n{table}\n")
     given = ("--config", str(tmp_path / "cut.toml")) if "--config" not in options else ()
     assert run("demonstrations", str(short / "one"), *given, *options, "--out", str(tmp_path / "out")) == 2
-    told = capsys.readouterr().err
-    assert said in told
-    assert told.count("\n") == 1
+    printed = capsys.readouterr().err
+    assert said in printed
+    assert printed.count("\n") == 1
     assert not (tmp_path / "out" / "trials.toml").exists()
 
 

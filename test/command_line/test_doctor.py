@@ -92,7 +92,7 @@ def test_running_nodes_are_told_of_in_their_own_words(ros_domain: int) -> None:
     assert finding.seen == f"perception: {problem} (skeleton 4.9 Hz)"
 
 
-NO_SERVER = "127.0.0.1:4"  # a port that nobody but root can have, and no discovery server has
+NO_SERVER = "127.0.0.1:4"  # a port that only root can have, and no discovery server has
 
 
 def test_every_variable_of_dds_is_named_with_what_it_does(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -140,7 +140,7 @@ def test_a_variable_that_makes_nodes_deaf_is_named_as_the_cause(
     monkeypatch.setattr(doctor, "AGAIN_PATIENCE_S", 6.0)
     finding = doctor.discovery()
     assert not finding.well
-    assert finding.remedy.startswith(f"unset ROS_DISCOVERY_SERVER: with ROS_DISCOVERY_SERVER={NO_SERVER} nobody")
+    assert finding.remedy.startswith(f"unset ROS_DISCOVERY_SERVER: with ROS_DISCOVERY_SERVER={NO_SERVER} nothing")
 
 
 NOISY = """
@@ -202,7 +202,7 @@ def test_another_users_node_is_found_and_the_remedy_works(
         pytest.skip("needs root, to be two users")
     tmp_path.chmod(0o777)
     monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path))
-    # Reads what we read, wherever Python is installed, but opens nobody's shared memory for writing.
+    # Reads what we read, wherever Python is installed, but opens no other user's shared memory for writing.
     reads = ("--inh-caps", "+dac_read_search", "--ambient-caps", "+dac_read_search")
     user = ("setpriv", "--reuid", "54321", "--regid", "54321", "--clear-groups", *reads)
     process = start_simulation(tmp_path / "log", *user, "env", f"HOME={tmp_path}")

@@ -40,7 +40,7 @@ def test_a_page_that_fails_costs_neither_the_numbers_nor_the_pictures(
     assert left == {"handshake", "filmstrip.png", "plots.png", "report.json"}, "what is listed is there, and no page is"
     assert all(path.exists() for path in shown.files)
     assert not (tmp_path / results.PAGE).exists(), "a page of an earlier run would be taken for this one's"
-    results.tell(shown, "handshake", Console())
+    results.print_summary(shown, "handshake", Console())
     assert "no page.html: AttributeError: 'TextureVisuals'" in capsys.readouterr().out
 
 

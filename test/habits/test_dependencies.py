@@ -25,7 +25,7 @@ DISTRIBUTIONS = {
 """Where the package's name is not the module's."""
 
 ONLY_IN_ROS = ("ros-launch", "ros-launch-ros")
-"""What `ros2 launch` brings along: whoever reads a launch file has it, and the package index has not."""
+"""What `ros2 launch` brings along: a process that reads a launch file has it, and the package index has not."""
 
 ROSDEP_KEYS = {
     "hypothesis": "python3-hypothesis",

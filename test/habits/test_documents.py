@@ -34,12 +34,12 @@ def wrong_commands(text: str) -> list[str]:
 
 
 def only_with_ros2(text: str) -> list[str]:
-    """What is told with the command `ros2` alone, which `./mild` does not bring: a fence, a row or a paragraph each."""
+    """Blocks (fence, row or paragraph) that need the command `ros2`, which `./mild` does not bring."""
     fences = re.findall(r"^```.*?^```", text, flags=re.DOTALL | re.MULTILINE)
     rest = re.sub(r"^```.*?^```", "", text, flags=re.DOTALL | re.MULTILINE)
     blocks = fences + [part for block in rest.split("\n\n") for part in re.split(r"\n(?=\|)", block)]
-    told = re.compile(r"ros2 (?:(?:run|launch) mild_ros|service|topic)")
-    return [block for block in blocks if told.search(block) and "./mild" not in block]
+    ros2_only = re.compile(r"ros2 (?:(?:run|launch) mild_ros|service|topic)")
+    return [block for block in blocks if ros2_only.search(block) and "./mild" not in block]
 
 
 def broken_links(path: Path) -> list[str]:

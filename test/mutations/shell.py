@@ -81,7 +81,7 @@ FAULTS = (
         MESSAGES,
     ),
     Fault(
-        "velocities that nobody said",
+        "velocities that were not given",
         "A command without velocities takes its positions for them.",
         "mild_ros/messages/joint_state.py",
         "velocities = np.zeros(len(names))",
@@ -162,7 +162,7 @@ FAULTS = (
     ),
     Fault(
         "late joints replace new ones",
-        "A joint of the frame before takes the place of the one that came anew.",
+        "A joint of the frame before takes the place of the one that came again.",
         "mild_ros/messages/joint_by_joint.py",
         "{**self._late.get(name, {}), **joints}",
         "{**joints, **self._late.get(name, {})}",
@@ -236,8 +236,8 @@ FAULTS = (
         "a lock-step without its recorder",
         "The next event is sent before a recorder has written down the one before.",
         "mild_ros/sending.py",
-        "return self._tokens == 0 and self._begun and self._told <= self._recorded",
-        "return self._tokens == 0 and self._begun",
+        "return self._tokens == 0 and self._started and self._reported <= self._recorded",
+        "return self._tokens == 0 and self._started",
         REPLAY,
     ),
     Fault(
@@ -249,7 +249,7 @@ FAULTS = (
         STILL,
     ),
     Fault(
-        "whoever trembles has moved",
+        "a trembling person has moved",
         "A robot that stayed where it was counts as one that moved.",
         "mild_ros/stillness.py",
         ".max() > STILL_RAD)",
@@ -266,7 +266,7 @@ FAULTS = (
     ),
     Fault(
         "a bag that loops ticks to its end first",
-        "When time begins anew the grid of ticks goes on from where it was.",
+        "When time starts again the grid of ticks goes on from where it was.",
         "mild_ros/replay_events.py",
         "if not newest_ns or event.time_ns < newest_ns:",
         "if not newest_ns:",
@@ -274,7 +274,7 @@ FAULTS = (
     ),
     Fault(
         "ticks from the newest message",
-        "The grid of ticks starts anew at each message.",
+        "The grid of ticks restarts at each message.",
         "mild_ros/replay_events.py",
         "            tick_ns += period_ns\n",
         "            tick_ns = event.time_ns + period_ns\n",
@@ -426,7 +426,7 @@ FAULTS = (
     ),
     Fault(
         "a bag of another tracker is replayed",
-        "A bag in which the tracker sees nobody runs to its end.",
+        "A bag in which the tracker sees no person runs to its end.",
         "mild_ros/bag_people.py",
         "        if found:\n            wrong[found] += 1",
         "        if not found:\n            wrong[found] += 1",

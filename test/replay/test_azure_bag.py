@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A real Azure Kinect, whole: a person at work, 62 s at 15 Hz, with stretches in which the camera sees nobody."""
+"""A real Azure Kinect, whole: a person at work, 62 s at 15 Hz, with stretches in which the camera sees no person."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_the_bag_holds_one_person_and_sixty_messages_of_nobody(recorded: list[Re
 def test_every_message_of_it_is_accounted_for(recorded: list[Recorded]) -> None:
     state, windows = run(recorded, SETTINGS)
     assert dict(state.counts) == {
-        "nobody": 60,
+        "no_person": 60,
         "calibrating": 11,
         "moving": 37,  # they are at work from the first second on
         "low_confidence": 156,  # the hand behind an object, mostly

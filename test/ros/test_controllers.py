@@ -96,7 +96,7 @@ def after_motion(target: np.ndarray, ticks: int) -> Moved:
 
 
 def outgoing(moved: Moved, order: tuple[str, ...] = ()) -> Outgoing:
-    named = joint_naming(YUMI.joint_names, ABB_NAMES).told(moved.command)
+    named = joint_naming(YUMI.joint_names, ABB_NAMES).renamed(moved.command)
     return Outgoing(named, YUMI, order or ABB_NAMES, trajectory=moved.trajectory)
 
 

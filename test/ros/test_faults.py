@@ -21,7 +21,7 @@ from test.habits.tree import ROOT
 STEP_NS = 10_000_000
 
 LOGGED = [f"perception {reason}" for reason in ("missing_joint", "not_finite", "zeroed", "out_of_range", "mirrored")]
-"""What cannot be used is also told in the log of the node, with its detail."""
+"""What cannot be used is also reported in the log of the node, with its detail."""
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +38,7 @@ def live_room(tmp_path_factory: pytest.TempPathFactory, ros_domain: int) -> Iter
 
 
 def check_survived(room: Room, fault: Fault) -> None:
-    """Assert that nothing went wrong, and that somebody was there to see it."""
+    """Assert that nothing went wrong, and that a person was there to see it."""
     outcome = tried(room, fault)
     assert outcome.wrong == (), outcome
     # 25 in half a second; while a process stands still there are none.
@@ -82,12 +82,12 @@ def turning(rad_s: float, count: int = 130) -> list[Command]:
 
 
 @pytest.mark.parametrize(
-    ("rad_s", "hindered", "told"), [(0.0, True, 1), (0.25, True, 1), (0.25, False, 1), (0.4, True, 0)]
+    ("rad_s", "hindered", "reported"), [(0.0, True, 1), (0.25, True, 1), (0.25, False, 1), (0.4, True, 0)]
 )
-def test_an_arm_that_stays_where_it_is_has_not_given_way(rad_s: float, hindered: bool, told: int) -> None:
+def test_an_arm_that_stays_where_it_is_has_not_given_way(rad_s: float, hindered: bool, reported: int) -> None:
     put_rad = np.array([0.8, *[0.0] * (len(ROBOT.joint_names) - 1)])
     found = list(complaints(FAULTS["pushed"], turning(rad_s), 0.4, put_rad, hindered=hindered))
-    assert found == ["the robot does not go where it was put"] * told
+    assert found == ["the robot does not go where it was put"] * reported
 
 
 @pytest.mark.parametrize(("rad_s", "rests"), [(0.0, True), (0.3, True), (1.0, False)])

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.slow
 
 
 class Motions(Surroundings):
-    """The surroundings of retargeting: somebody infers motions."""
+    """The surroundings of retargeting: motions are published."""
 
     def __init__(self, probe: Probe) -> None:
         super().__init__(probe, "retargeting")
@@ -85,7 +85,7 @@ def test_it_follows_and_holds_and_goes_home(start: Callable[..., NodeProcess], b
     start("retargeting", home_after_s=2.0, stale_after_s=0.3, home_velocity_rad_s=2.0, report_handled=True)
     bench.connect()
     bench.until_status(WARN, "waiting for joint_states")
-    assert bench.commands == [], "nobody has said where the robot is"
+    assert bench.commands == [], "the robot's place is unknown"
     bench.measure()
     bench.probe.until(lambda: len(bench.commands) > 10, "commands")
     np.testing.assert_array_equal(bench.commands[0].position, YUMI.home_rad)

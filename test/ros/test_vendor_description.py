@@ -103,7 +103,7 @@ def test_copies_lie_where_nobody_else_can_write(theirs: Path, tmp_path: Path, mo
     assert first == second
     assert list(first.parent.glob("*.urdf*")) == [first]
     first.parent.chmod(0o777)
-    with pytest.raises(SetupError, match="can be written by somebody else; remove it, or set TMPDIR"):
+    with pytest.raises(SetupError, match="can be written by other users; remove it, or set TMPDIR"):
         make_robot("yumi", str(theirs))
 
 

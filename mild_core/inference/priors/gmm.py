@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Gaussian mixture model: every frame draws its component anew, so there is no order and no memory."""
+"""Gaussian mixture model: every frame draws its component independently, so there is no order and no memory."""
 
 from __future__ import annotations
 

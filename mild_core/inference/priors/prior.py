@@ -73,7 +73,7 @@ class Prior(ABC):
         chain: Their order and durations.
         phases: (K,) mean time of each component in a demonstration, from 0 (its start) to 1 (its end).
         observed_size: Q.
-        restart: Probability per frame, in the online filter only, that the chain starts anew in any component. It
+        restart: Probability per frame, in the online filter only, that the chain restarts in any component. It
             guards against locking into a wrong phase of a periodic motion; 0 is the model as fitted.
 
     Raises:

@@ -18,7 +18,7 @@ Segmentation = tuple[tuple[int, int, bool], ...]
 
 
 def segmentations(components: int, longest: int, frames: int) -> Iterator[Segmentation]:
-    """Every way to fill `frames` with segments; a segment that ends with the recording is told apart from one that
+    """Every way to fill `frames` with segments; a segment that ends with the recording is distinguished from one that
     would have gone on."""
     if frames == 0:
         yield ()

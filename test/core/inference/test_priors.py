@@ -92,12 +92,12 @@ def test_first_frame_weighs_the_start_by_the_widened_observed_block(kind):
 
 @EVERY_PRIOR
 def test_covariances_are_widened_by_a_share_of_each_dimension_s_own_variance(kind):
-    """In other units the same demonstrations make the same prior, told in these units."""
+    """In other units the same demonstrations make the same prior, in these units."""
     latents, units = demonstrations(), np.array([1.0, 10.0, 0.1, 3.0, 1.0, 100.0])
     settings = FitSettings(iterations=3, tolerance=-np.inf)
     plain = PRIORS[kind].from_demonstrations(latents, 4, OBSERVED, settings).fit(latents, settings).prior
-    told = [z * units for z in latents]
-    other = PRIORS[kind].from_demonstrations(told, 4, OBSERVED, settings).fit(told, settings).prior
+    scaled = [z * units for z in latents]
+    other = PRIORS[kind].from_demonstrations(scaled, 4, OBSERVED, settings).fit(scaled, settings).prior
     np.testing.assert_allclose(other.components.mean, plain.components.mean * units, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(
         other.components.covariance, plain.components.covariance * np.outer(units, units), rtol=1e-5, atol=1e-9

@@ -374,5 +374,5 @@ def test_a_recogniser_speaks_for_the_priors_when_nobody_says_which_interaction_i
         evidence += (logits - np.log(np.exp(logits).sum())) / len(full_model.members)
     expected = full_model.temper * (evidence - evidence.max())
     np.testing.assert_allclose(state.recognition.evidence, expected, atol=CLOSE)
-    told, _ = run(Inference(full_model, "rocket"), windows(1))
-    np.testing.assert_array_equal(told.recognition.probabilities, np.eye(len(INTERACTIONS))[2])
+    conditioned, _ = run(Inference(full_model, "rocket"), windows(1))
+    np.testing.assert_array_equal(conditioned.recognition.probabilities, np.eye(len(INTERACTIONS))[2])

@@ -65,7 +65,7 @@ def test_it_answers_a_new_trial_much_better_than_the_mean_answer_after_any_rest(
 
 
 def aside(trial):
-    """The same movement to the side instead of forward: what tells `push` from `reach` here."""
+    """The same movement to the side instead of forward: the difference of `push` from `reach` here."""
     return replace(trial, observed_m=trial.observed_m[..., [1, 0, 2]]) if trial.interaction == "push" else trial
 
 
@@ -84,11 +84,11 @@ def test_it_tells_new_trials_apart_once_the_hand_has_moved_and_until_the_end(tel
     states = telling.listen(np.vstack([np.repeat(track[:1], rested, axis=0), track]), trial.rate_hz, None, 0)[rested:]
     logits = np.array([telling.tell_apart(states[n], track[n - 39 : n + 1]) for n in range(39, trial.frames)])
     probability = np.exp(logits[:, number] - np.logaddexp(*logits.T))
-    begun = onset_frame(trial) - 39
-    assert begun > 10
-    # At rest nobody can know: one of two, give or take what regression makes of another person's posture.
+    started = onset_frame(trial) - 39
+    assert started > 10
+    # A resting person shows nothing: one of two, give or take what regression makes of another person's posture.
     assert abs(probability[0] - 0.5) < 0.2
-    assert probability[begun + 20 :].min() > 0.8
+    assert probability[started + 20 :].min() > 0.8
 
 
 @pytest.mark.parametrize("network", [True, False])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What was never shown is told unknown: on made scores exactly, on recorded motions better than by a neighbour."""
+"""Unseen motions are detected as unknown: exactly on synthetic scores, better than nearest neighbour on recordings."""
 
 import numpy as np
 import pytest

@@ -78,7 +78,7 @@ def moved(frame: SkeletonFrame, way_m: FloatArray, person_id: int) -> SkeletonFr
 
 
 def bystander(frame: SkeletonFrame) -> SkeletonFrame:
-    """Somebody else, behind the watched person and to the side."""
+    """Another person, behind the watched person and to the side."""
     return moved(frame, np.array([0.8, 0.9, 0.0]), BYSTANDER)
 
 
@@ -154,7 +154,7 @@ def test_before_calibration_and_with_bystanders_alone_there_are_obstacles() -> N
         assert state.person.frame_id == ROBOT_FRAME
         assert not state.person.watched
         assert len(state.person.segments.parts) == 2 * len(BODY_PARTS)
-    assert all(state.person is None for state in states(early, SETTINGS)), "without a camera nobody knows where"
+    assert all(state.person is None for state in states(early, SETTINGS)), "without a camera the place is unknown"
     alone = [*seen(STAMPS_S), *[(bystander(frame),) for (frame,) in seen(at_rate(RATE_HZ, 1.0) + 2.0)]]
     for settings, frame_id in ((MEASURED, ROBOT_FRAME), (SETTINGS, ARM_FRAME)):
         pose = last(alone, settings)
@@ -243,7 +243,7 @@ def test_nobody_in_a_message_leaves_everyone_where_they_were() -> None:
     assert found[len(STAMPS_S)].person.segments.people, "a dropout"
     assert not found[len(STAMPS_S)].person.watched
     assert not found[-1].person.segments.people
-    assert found[-1].outcome == "nobody"
+    assert found[-1].outcome == "no_person"
 
 
 @pytest.mark.parametrize("size", [0.55, 0.7, 1.0])

@@ -68,7 +68,7 @@ def body(
     joints: Iterable[str] = tuple(STANDING),
     moved: dict[str, tuple[float, ...]] | None = None,
 ) -> dict[str, np.ndarray]:
-    """Joints of somebody who stands there [m]; some of them elsewhere in the body's own axes."""
+    """Joints of a person who stands there [m]; some of them elsewhere in the body's own axes."""
     cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
     turn = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
     own = {name: stature_m * np.array(STANDING[name]) for name in joints}
@@ -100,7 +100,7 @@ def standing(seconds: float = 0.5, before: Bodies = NO_BODIES, start_s: float = 
 
 
 def parts(bodies: Bodies, number: int = WATCHED_PERSON, placing: Placing = HERE) -> dict[str, tuple]:
-    """Ends, velocities and radius of each part of somebody."""
+    """Ends, velocities and radius of each part of a person."""
     found = body_segments(bodies, placing, UP)
     each = zip(found.people, found.parts, found.ends_m, found.velocities_m_s, found.radii_m, strict=True)
     return {part: (ends, moving, radius) for who, part, ends, moving, radius in each if who == number}
@@ -277,7 +277,7 @@ def test_a_joint_out_of_a_human_s_reach_is_a_tracker_s_error(joint: str, wrong: 
     bodies = after(shown, [person(body(moved={joint: wrong}), 1.0)], 1.0)
     plain, found = parts(shown), parts(bodies)
     for part in BODY_PARTS:
-        # Where the fingers end is told from the elbow's side of the hand, by the length of a hand at most.
+        # Where the fingers end is known from the elbow's side of the hand, by the length of a hand at most.
         fingers = 2.0 * TIP_FROM_HAND_M if (joint, part) == ("left_elbow", "left_forearm") else 0.02
         np.testing.assert_allclose(found[part][0], plain[part][0], atol=fingers)
 

@@ -14,7 +14,7 @@ MS = 1_000_000
 
 
 def turned(yaw_rad: float, pitch_rad: float, roll_rad: float) -> np.ndarray:
-    """(3, 3) rotation whose columns are forward, left and up of somebody who turns, then leans."""
+    """(3, 3) rotation whose columns are forward, left and up of a person who turns, then leans."""
     (cy, cp, cr), (sy, sp, sr) = np.cos([yaw_rad, pitch_rad, roll_rad]), np.sin([yaw_rad, pitch_rad, roll_rad])
     about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
     about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])

@@ -24,7 +24,7 @@ def poses(robot: RobotModel) -> np.ndarray:
 
 
 def in_order(robot: RobotModel, order: np.ndarray) -> RobotModel:
-    """The same robot with its joints told in another order."""
+    """The same robot with its joints listed in another order."""
     arrays = ("lower_rad", "upper_rad", "velocity_rad_s", "acceleration_rad_s2", "jerk_rad_s3", "home_rad")
     names = tuple(robot.joint_names[place] for place in order)
     return replace(robot, joint_names=names, **{name: getattr(robot, name)[order] for name in arrays})

@@ -22,7 +22,7 @@ from mild_core.retargeting.clearance import BREACHES, LEAST_M_S, LOOK_SELF_M, fi
 from mild_core.retargeting.guard import APART_M, HAND_ROOM_M, ROUNDING, TOO_FAST, UNPACED_M, Guard
 from mild_core.retargeting.kinematics import read_tree
 from mild_core.retargeting.limiter import JointMotion, Limiter
-from mild_core.retargeting.obstacles import NOBODY, Obstacles
+from mild_core.retargeting.obstacles import NO_ONE, Obstacles
 from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.robots import ROBOTS
 from mild_core.retargeting.robots.yumi import YUMI
@@ -112,7 +112,7 @@ def test_no_tool_is_faster_than_the_guard_says(robot: RobotModel) -> None:
     for _ in range(50):
         pose, rates = rng.uniform(robot.lower_rad, robot.upper_rad), rng.normal(0.0, 1.0, len(robot.joint_names))
         tool_m_s = (guard.chain.tool(pose + STEP_S * rates) - guard.chain.tool(pose - STEP_S * rates)) / (2.0 * STEP_S)
-        assert guard.arm_speed(pose, rates, NOBODY) > np.linalg.norm(tool_m_s) - 1e-6
+        assert guard.arm_speed(pose, rates, NO_ONE) > np.linalg.norm(tool_m_s) - 1e-6
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -301,7 +301,7 @@ def test_what_a_stop_would_break_as_badly_is_allowed_and_nothing_worse() -> None
         assert breach({place: value}, {place: value}) == ("", -1)
         assert breach({place: worse}, {place: value})[0] != ""
         assert breach({place: value}, {})[0] != ""
-    # Whoever is too near: what counts is how near the looks themselves come, beside those of a stop.
+    # A person who is too close: what counts is how near the looks themselves come, beside those of a stop.
     assert breach({1: 0.0, 2: 0.02}, {1: 0.01, 2: 0.02}) == ("", -1)
     assert breach({1: 0.0, 2: 0.03}, {1: 0.01, 2: 0.02}) == ("", -1)
     assert breach({1: 0.0, 2: 0.01}, {1: 0.01, 2: 0.02}) == ("refused_keep_out", 0)
@@ -310,7 +310,7 @@ def test_what_a_stop_would_break_as_badly_is_allowed_and_nothing_worse() -> None
 
 
 def still_ball(metres: float) -> Obstacles:
-    """Somebody's ball of 5 cm before the arm at home, so far from it."""
+    """A person's ball of 5 cm before the arm at home, so far from it."""
     points, radii = arm(np.array(YUMI.home_rad))
     flat = points.reshape(-1, 3)
     foremost = flat[:, 0].argmax()

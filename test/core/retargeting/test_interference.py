@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What retargeting does when somebody interferes: the operator, the clock, a hand on the robot, a saved state."""
+"""What retargeting does under interference: the operator, the clock, a hand on the robot, a saved state."""
 
 from __future__ import annotations
 
@@ -152,7 +152,7 @@ def _story() -> Iterable[tuple[int, Given]]:
             yield now_ns, None
 
 
-def _told(retargeting: Retargeting, state: RetargetingState, story: Iterable[tuple[int, Given]]) -> list[bytes]:
+def _ensembles(retargeting: Retargeting, state: RetargetingState, story: Iterable[tuple[int, Given]]) -> list[bytes]:
     said = []
     for now_ns, given in story:
         state, commands = retargeting.step(state, given, now_ns)
@@ -163,15 +163,15 @@ def _told(retargeting: Retargeting, state: RetargetingState, story: Iterable[tup
 def test_the_same_story_gives_the_same_bits_from_any_saved_state() -> None:
     story = list(_story())
     whole = Retargeting(YUMI)
-    said = _told(whole, whole.init(), story)
+    said = _ensembles(whole, whole.init(), story)
     assert len(said) > 300
     used, state, spoken = Retargeting(YUMI), whole.init(), 0
     for place, (now_ns, given) in enumerate(story):
         if place % 100 == 50:
             saved = pickle.loads(pickle.dumps(state))
             # A planner that has just worked on something else, and one that never worked.
-            assert _told(used, saved, story[place:]) == said[spoken:]
-            assert _told(Retargeting(YUMI), saved, story[place:]) == said[spoken:]
+            assert _ensembles(used, saved, story[place:]) == said[spoken:]
+            assert _ensembles(Retargeting(YUMI), saved, story[place:]) == said[spoken:]
         state, commands = used.step(state, given, now_ns)
         spoken += len(commands)
 

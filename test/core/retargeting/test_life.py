@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The life of an interaction: ready, somebody starts, the hands meet, it ends, home, ready again; and the emergency."""
+"""The life of an interaction: ready, a person starts, the hands meet, it ends, home, ready again; and the emergency."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from mild_core.retargeting.obstacles import (
     AGED_S,
     HORIZON_S,
     KEPT_S,
-    NOBODY,
+    NO_ONE,
     TOUCHED_M,
     ZONE_MARGIN_M,
     Crowd,
@@ -65,8 +65,8 @@ def test_the_longer_ago_somebody_was_seen_the_more_room_they_get(age_s: float) -
 
 def test_after_long_enough_nobody_is_there_any_more() -> None:
     assert len(after(KEPT_S - 0.01).people) == 22
-    assert after(KEPT_S + 0.01) is NOBODY
-    assert obstacles_of(None, SETTINGS, None, None, NOWHERE, START_NS) is NOBODY
+    assert after(KEPT_S + 0.01) is NO_ONE
+    assert obstacles_of(None, SETTINGS, None, None, NOWHERE, START_NS) is NO_ONE
 
 
 def test_what_is_kept_from_everyone_alike_where_the_camera_is_known() -> None:
@@ -85,7 +85,7 @@ def test_people_whose_place_is_a_guess_are_placed_and_kept_from_by_all_that_it_m
     np.testing.assert_allclose(found.velocities_m_s[0, 0], [-VELOCITY[1], VELOCITY[0], 0.0], atol=1e-9)
     np.testing.assert_allclose(found.keep_m, SETTINGS.keep_out_m + SETTINGS.placement_uncertainty_m)
     np.testing.assert_allclose(found.zones_m, SETTINGS.near_m + ZONE_MARGIN_M + SETTINGS.placement_uncertainty_m)
-    assert after(0.0, crowd(ARM_FRAME)) is NOBODY
+    assert after(0.0, crowd(ARM_FRAME)) is NO_ONE
     moved = obstacles_of(crowd(ARM_FRAME), SETTINGS, standing, (0.5, 0.2, 0.6), NOWHERE, START_NS)
     np.testing.assert_allclose(moved.ends_m - found.ends_m, np.broadcast_to([-0.5, 0.0, 0.0], moved.ends_m.shape))
 

@@ -13,7 +13,7 @@ import pytest
 from mild_core.retargeting.chain import chain_of, nearest_points
 from mild_core.retargeting.guard import Guard
 from mild_core.retargeting.modes import Mode
-from mild_core.retargeting.obstacles import KEPT_S, NOBODY, Crowd, obstacles_of
+from mild_core.retargeting.obstacles import KEPT_S, NO_ONE, Crowd, obstacles_of
 from mild_core.retargeting.person import Standing
 from mild_core.retargeting.robots.yumi import YUMI
 from mild_core.retargeting.stage import ASSUMED, UNKNOWN_BODY, UNMEASURED, Request, Retargeting, RetargetingSettings
@@ -160,7 +160,7 @@ def test_a_bystander_within_reach_slows_the_arm_everywhere() -> None:
         run.live(0.5, others=others)
         run.live(1.5, MET_M + 0.3 * UP, AWAY + 0.5, others)
         guard = Guard(YUMI, run.retargeting.settings)
-        speeds = [guard.arm_speed(one.positions_rad, one.velocities_rad_s, NOBODY) for one in run.commands]
+        speeds = [guard.arm_speed(one.positions_rad, one.velocities_rad_s, NO_ONE) for one in run.commands]
         peaks.append(max(speeds))
     assert peaks[0] > 1.0
     assert peaks[1] <= 0.8
@@ -267,13 +267,13 @@ def test_an_unmeasured_camera_is_told_and_hands_touch_only_where_that_is_allowed
 
 
 def test_an_unmeasured_camera_is_told_before_anybody_is_seen() -> None:
-    def told(measured: bool | None, standing: Standing = STANDING, **settings: Any) -> tuple[str, ...]:
+    def reasons(measured: bool | None, standing: Standing = STANDING, **settings: Any) -> tuple[str, ...]:
         return Retargeting(YUMI, RetargetingSettings(**settings), standing, measured).init().notices(0)
 
-    assert told(False) == (f"no contact: {UNMEASURED}",)
-    assert told(True) == told(None) == ()
-    assert told(False, allow_unmeasured_contact=True) == (ASSUMED,)
-    assert told(False, replace(STANDING, by_interaction={})) == (UNMEASURED,), "nothing touches"
+    assert reasons(False) == (f"no contact: {UNMEASURED}",)
+    assert reasons(True) == reasons(None) == ()
+    assert reasons(False, allow_unmeasured_contact=True) == (ASSUMED,)
+    assert reasons(False, replace(STANDING, by_interaction={})) == (UNMEASURED,), "nothing touches"
     run = Around()
     run.retargeting = Retargeting(YUMI, run.retargeting.settings, STANDING, camera_measured=False)
     run.state = run.retargeting.init()
