@@ -201,11 +201,11 @@ class RealTime:
                 self._send(event.name, data)
                 self.sent += 1
 
-    def is_done_after(self, _fate: Handled) -> bool:
+    def is_done_after(self, _handled: Handled) -> bool:
         """Waits for no one."""
         return False
 
-    def is_done_once_recorded(self, _fate: Handled) -> bool:
+    def is_done_once_recorded(self, _handled: Handled) -> bool:
         """Nor is a recorder."""
         return False
 

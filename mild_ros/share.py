@@ -44,11 +44,11 @@ def model_folder(name: str) -> Path:
     path, bare = Path(name).expanduser(), os.sep not in name
     if bare and name in model_names():
         if path.is_dir():
-            _tell(f"model {name}: the shipped one is taken; the folder of that name here is .{os.sep}{name}")
+            _print_once(f"model {name}: the shipped one is taken; the folder of that name here is .{os.sep}{name}")
         return share_folder("models") / name
     if path.is_dir():
         if bare and path.name:
-            _tell(f"model {printable(name)}: the folder of that name here is taken")
+            _print_once(f"model {printable(name)}: the folder of that name here is taken")
         return path
     if len(path.parts) != 1:
         names = " or ".join(model_names()) or "a path"
@@ -57,7 +57,7 @@ def model_folder(name: str) -> Path:
 
 
 @cache
-def _tell(words: str) -> None:
+def _print_once(words: str) -> None:
     """Say something once."""
     sys.stderr.write(f"mild: {words}\n")
 

@@ -131,7 +131,7 @@ class Reservoir:
         answer: FloatArray = (label @ (_seen(state, positions) @ self.readout + self.bias)) @ self.back + self.mean
         return answer
 
-    def tell_apart(self, state: FloatArray, positions: FloatArray) -> FloatArray:
+    def classify(self, state: FloatArray, positions: FloatArray) -> FloatArray:
         """(P,) logarithms of the interactions' probabilities, but for a constant; arguments as for `answer`."""
         logarithms: FloatArray = _seen(state, positions) @ self.label_weight + self.label_bias
         return logarithms

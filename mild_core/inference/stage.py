@@ -350,7 +350,7 @@ class Inference:
             return before
         evidence = self._ensembles[0].recognise(found[0]) if self.model.recognises else log_likelihoods.mean(axis=1)
         if self.model.reservoir is not None and seen.units is not None:
-            by_motion = self.model.reservoir.tell_apart(seen.units, _positions(window))
+            by_motion = self.model.reservoir.classify(seen.units, _positions(window))
             evidence = 0.5 * (evidence + by_motion) if self.model.recognises else by_motion
         return recognise(before, evidence, self.model.temper, self.model.forgetting)
 

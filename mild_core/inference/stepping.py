@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mild_core.compiled import compiled
-from mild_core.inference.mixing import add_spread, gate_weights, nearest, posterior, tell_apart
+from mild_core.inference.mixing import add_spread, classify, gate_weights, nearest, posterior
 from mild_core.inference.networks import Float32Array, run_layers
 from mild_core.inference.priors.filtering import UNDERFLOW, filter_frames, observe_frame
 from mild_core.shapes import FloatArray
@@ -194,7 +194,7 @@ def observe_window(
 @compiled
 def recognise_window(network: Parts, board: Float32Array) -> FloatArray:
     """(P,) logarithms of the interactions' probabilities, by a recogniser."""
-    return tell_apart(run_network(network, board, np.empty(0, dtype=np.float32)))
+    return classify(run_network(network, board, np.empty(0, dtype=np.float32)))
 
 
 @compiled

@@ -34,7 +34,7 @@ TOUCHING = 0.95
 
 
 @dataclass(frozen=True, eq=False)
-class Contact:
+class FittedPlace:
     """The person's calibration shoulder in the robot's base frame.
 
     Attributes:
@@ -114,7 +114,7 @@ def fit_contact(
     interactions: Sequence[str],
     arm_lengths_m: tuple[float, float] = ADULT_ARM_M,
     yaw_rad: float = FACE_TO_FACE_RAD,
-) -> Contact:
+) -> FittedPlace:
     """Fit the place of the person.
 
     Args:
@@ -137,7 +137,7 @@ def fit_contact(
     places = {name: _places(groups[name], robot, arm_lengths_m, yaw_rad) for name in interactions}
     own = {name: np.median(place, axis=0) for name, place in places.items()}
     shared = np.mean(list(own.values()), axis=0)
-    return Contact(
+    return FittedPlace(
         yaw_rad=yaw_rad,
         translation_m=shared,
         by_interaction=own,

@@ -26,7 +26,7 @@ from mild_core.learning.demonstration import Demonstration
 from mild_core.learning.novelty import bone_lengths_m, latent_radius, territory_of
 from mild_core.learning.settings import TrainingSettings
 from mild_core.learning.trained import TrainedMember, TrainedModel
-from mild_core.learning.vae import RUNNING, Chain
+from mild_core.learning.vae import RUNNING, LayerStack
 from mild_core.learning.windows import onset_frame
 from mild_core.shapes import FloatArray
 
@@ -151,7 +151,7 @@ def _member(member: TrainedMember) -> tuple[dict[str, NetworkSpec], Arrays]:
     specs: dict[str, NetworkSpec] = {}
     arrays: Arrays = {}
     for name in RUNNING:
-        chain: Chain | None = getattr(networks, name)
+        chain: LayerStack | None = getattr(networks, name)
         if chain is None:
             continue
         inputs: tuple[str, ...] = getattr(architecture, name)

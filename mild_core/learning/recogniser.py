@@ -13,7 +13,7 @@ from torch.nn import functional
 from mild_core.learning.coordinates import Coordinates, principal_coordinates
 from mild_core.learning.corpus import Corpus, bend, cut_tracks
 from mild_core.learning.settings import Augmentation, RecogniserSettings
-from mild_core.learning.vae import Chain, perceptron
+from mild_core.learning.vae import LayerStack, perceptron
 
 STARTED_M = 0.05
 """A motion starts when the hand is this far from its first place; before, it cannot be classified [m]."""
@@ -34,7 +34,7 @@ class Recogniser:
         question: Coordinates of the human's windows.
     """
 
-    network: Chain
+    network: LayerStack
     question: Coordinates
 
     def logits(self, windows: Tensor) -> Tensor:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mild_core.learning.baseline import GIVEN, RECOGNISED, STARTED
-from mild_core.learning.calibration import Calibration, Doubt, calibrate
+from mild_core.learning.calibration import CalibrationSample, UncertaintyCalibration, calibrate
 from mild_core.learning.demonstration import Demonstration
 from mild_core.learning.evaluation import errors_of_trial
 from mild_core.learning.model_predictor import AUTO, Answers, ModelPredictor
@@ -40,7 +40,7 @@ class HeldOut:
 
     named: tuple[str, ...]
     unknown: float
-    doubt: Doubt
+    doubt: CalibrationSample
     windows: int
     squared: FloatArray
 
@@ -62,7 +62,7 @@ class RunTime:
     wrong: Mapping[float, float]
     unknown: float
     recognition_cost: FloatArray
-    calibrations: tuple[Calibration, ...]
+    calibrations: tuple[UncertaintyCalibration, ...]
 
 
 def label_kinds(predictor: ModelPredictor) -> tuple[str, ...]:
@@ -100,7 +100,9 @@ def watch(predictor: ModelPredictor, trial: Demonstration, run: Mapping[str, Ans
     )
     more = errors_recognised - errors_given
     squared = np.array([errors_given.sum(), more[:settled].sum(), more[settled:].sum()])
-    return HeldOut(tuple(named), unknown, Doubt(fold, trial.interaction, errors, spread), len(errors_given), squared)
+    return HeldOut(
+        tuple(named), unknown, CalibrationSample(fold, trial.interaction, errors, spread), len(errors_given), squared
+    )
 
 
 def summarise_run_time(seeds: Sequence[Sequence[HeldOut]]) -> RunTime:

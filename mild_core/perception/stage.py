@@ -4,8 +4,8 @@
 Every message ends in exactly one outcome, and no message is lost without being counted:
 
     accepted                          its arm was used (zero, one or more windows)
-    calibrating, moving               part of the neutral second; the person did not stand stillno_person,
-    other_person           the watched person is not in it
+    calibrating, moving               part of the neutral second; the person did not stand still
+    no_person, other_person           the watched person is not in it
     frozen                            the watched person or arm repeats itself to the bit: it is not measured
     duplicate, out_of_order           its stamp is not later than the one before
     unknown_frame                     everyone in it is in another tf frame

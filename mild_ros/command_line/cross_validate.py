@@ -33,7 +33,7 @@ LEAST_INTERACTIONS = 3
 
 
 @dataclass(frozen=True)
-class Request:
+class CrossValidationRequest:
     """What to cross-validate.
 
     Attributes:
@@ -55,7 +55,7 @@ class Request:
     workers: int = 0
 
 
-def request_of(config: str, dataset: str, data: Path | None, protocol: str, every: bool) -> Request:
+def request_of(config: str, dataset: str, data: Path | None, protocol: str, every: bool) -> CrossValidationRequest:
     """What is asked for, by a configuration or by names; names win.
 
     Raises:
@@ -69,7 +69,7 @@ def request_of(config: str, dataset: str, data: Path | None, protocol: str, ever
     recording = recording_named(dataset or (configured.dataset if configured else "buetepage_hr"), data)
     name = protocol or (configured.protocol if configured else "same")
     protocols = tuple(recording.protocols) if every else (protocol_named(name, recording.protocols).name,)
-    return Request(recording, data or recording.default_path(), protocols, configured)
+    return CrossValidationRequest(recording, data or recording.default_path(), protocols, configured)
 
 
 def located(configuration: Configuration | None) -> Configuration | None:
@@ -83,7 +83,7 @@ def located(configuration: Configuration | None) -> Configuration | None:
     return replace(configuration, start_from=str(model_folder(configuration.start_from)))
 
 
-def cross_validate(request: Request, out: Path, as_json: bool) -> None:
+def cross_validate(request: CrossValidationRequest, out: Path, as_json: bool) -> None:
     """Run, print and write one table per protocol.
 
     Args:
@@ -113,7 +113,7 @@ def cross_validate(request: Request, out: Path, as_json: bool) -> None:
         print(json.dumps(tables if len(tables) > 1 else tables[request.protocols[0]], indent=1))
 
 
-def _require_trials(request: Request) -> tuple[Demonstration, ...]:
+def _require_trials(request: CrossValidationRequest) -> tuple[Demonstration, ...]:
     """The training trials, once they can be divided and cut.
 
     Raises:
@@ -155,7 +155,7 @@ def _leave(table: Mapping[str, Any], rows: Sequence[Row], unit: Unit, out: Path,
         Console().print(f"written to {stem}.json, .md and .png", highlight=False, soft_wrap=True)
 
 
-def tell_unknown(request: Request, out: Path, as_json: bool) -> None:
+def detect_unknown(request: CrossValidationRequest, out: Path, as_json: bool) -> None:
     """Leave each interaction out, print and write how well it is detected as unknown, per protocol."""
     from mild_core.learning.unknown import leave_one_out
 

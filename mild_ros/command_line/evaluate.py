@@ -156,11 +156,11 @@ def evaluate(
     if model:
         _evaluate_model(model, dataset, data, protocol, split, labels, json)
         return
-    from mild_ros.command_line.cross_validate import cross_validate, request_of, tell_unknown
+    from mild_ros.command_line.cross_validate import cross_validate, detect_unknown, request_of
 
     request = request_of(config, dataset, data, protocol, every)
     request = replace(request, methods=tuple(method or ()), seeds=seeds, workers=workers)
-    (cross_validate if cv else tell_unknown)(request, out, json)
+    (cross_validate if cv else detect_unknown)(request, out, json)
 
 
 def _evaluate_model(

@@ -12,7 +12,7 @@ from mild_ros.bags import open_bag
 from mild_ros.command_line.console import Console
 
 
-def tell_lost(bag: Path, salvage: bool, console: Console) -> None:
+def report_lost(bag: Path, salvage: bool, console: Console) -> None:
     """Say what of a bag could not be read, if anything.
 
     Raises:

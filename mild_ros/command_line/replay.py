@@ -76,7 +76,7 @@ def replay(
     from mild_ros.assembly.arguments import check_parameters
     from mild_ros.assembly.perception import skeleton_source
     from mild_ros.bag_camera import keep_camera, with_camera
-    from mild_ros.command_line.lost import check_source, tell_lost
+    from mild_ros.command_line.lost import check_source, report_lost
     from mild_ros.parameter_files import read_parameters
     from mild_ros.settings import PipelineParameters
     from mild_ros.stillness import counts_of, has_moved, why_still
@@ -92,7 +92,7 @@ def replay(
     check_parameters(parameters)
     console = Console()
     if bag:
-        tell_lost(bag, salvage, console)
+        report_lost(bag, salvage, console)
     # Only now, as it takes its time to load: what draws and simulates.
     from mild_ros.command_line.results import leave, print_summary, run_with_progress
     from mild_ros.demo import RunOptions

@@ -132,7 +132,7 @@ def print_summary(shown: Shown, title: str, console: Console) -> None:
 
 def _lines(report: Report) -> list[tuple[str, str]]:
     """Rows printed of a run: a name and a value each."""
-    lines = [("skeleton stamp → command sent", _told(report.sent_ages_ms))]
+    lines = [("skeleton stamp → command sent", _ages_text(report.sent_ages_ms))]
     none = "unknown" if report.commands else "no command"
     lines.append(("skeleton stamp → first command received", _percentiles(report.answer_ages_ms, none)))
     lines.append(("age of the skeleton behind any command", _percentiles(report.command_ages_ms, none)))
@@ -153,7 +153,7 @@ def _lines(report: Report) -> list[tuple[str, str]]:
     return lines
 
 
-def _told(ages_ms: tuple[float, float, float] | None) -> str:
+def _ages_text(ages_ms: tuple[float, float, float] | None) -> str:
     if ages_ms is None:
         return "unknown"
     return "median {:.1f} ms, 99 % below {:.1f} ms, greatest {:.1f} ms".format(*ages_ms)
@@ -163,7 +163,7 @@ def _percentiles(ages_ms: FloatArray, none: str) -> str:
     if not len(ages_ms):
         return none
     middle, high, top = np.percentile(ages_ms, [50, 99, 100])
-    return _told((float(middle), float(high), float(top)))
+    return _ages_text((float(middle), float(high), float(top)))
 
 
 def as_data(run: RecordedRun, report: Report) -> dict[str, Any]:

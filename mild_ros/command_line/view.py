@@ -34,7 +34,7 @@ def view(
     from mild_core.retargeting.robot_file import find_robot
     from mild_ros.assembly.perception import manifest_of, skeleton_source
     from mild_ros.bag_camera import with_camera
-    from mild_ros.command_line.lost import check_source, tell_lost
+    from mild_ros.command_line.lost import check_source, report_lost
     from mild_ros.parameter_files import read_parameters
     from mild_ros.settings import PipelineParameters
 
@@ -42,7 +42,7 @@ def view(
     parameters = with_camera(parameters, bag, given or ())
     find_robot(parameters.robot), manifest_of(parameters.model)
     console = Console()
-    tell_lost(bag, salvage, console)
+    report_lost(bag, salvage, console)
     check_source(bag, salvage, skeleton_source(parameters))
     folder = out or Path("out/view") / bag.resolve().stem
     folder.mkdir(parents=True, exist_ok=True)

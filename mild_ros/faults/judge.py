@@ -47,12 +47,12 @@ def problems(robot: RobotModel, commands: Sequence[Command]) -> list[str]:
             continue
         found += broken_limits(robot, stamps_ns, positions, velocities)
     for before, after in pairwise(commands):
-        if _begins_anew(before, after):
+        if _restarts(before, after):
             found += _jump(robot, before, after)
     return found
 
 
-def _begins_anew(before: Command, after: Command) -> bool:
+def _restarts(before: Command, after: Command) -> bool:
     """Whether time went back between two commands, or so much of it has passed that the robot rests."""
     return not 0 <= after.stamp_ns - before.stamp_ns <= LONGEST_GAP_NS
 
@@ -61,7 +61,7 @@ def _runs(commands: Sequence[Command]) -> Iterator[list[Command]]:
     """Commands that follow each other without a break."""
     run: list[Command] = []
     for command in commands:
-        if run and _begins_anew(run[-1], command):
+        if run and _restarts(run[-1], command):
             yield run
             run = []
         run.append(command)

@@ -49,7 +49,7 @@ class Human:
         self._frames = list(skeleton_frames(bodies(arm_track(scene, TRACKER_HZ)), TRACKER_HZ, 0))
         self._start_ns: int | None = None
 
-    def begin_anew(self) -> None:
+    def restart(self) -> None:
         """With the next frame, stand still with the hand down."""
         self._start_ns = None
 

@@ -51,7 +51,7 @@ class ReplayedRoom(Room):
         if fault.clock_s:
             self._now_ns += round(fault.clock_s * 1e9)
             self._due_ns = self._now_ns
-            self.human.begin_anew()
+            self.human.restart()
         super()._begin(fault)
 
     def _live(self) -> None:
@@ -59,7 +59,7 @@ class ReplayedRoom(Room):
         self._answered(self._clock.publish, Clock(clock=time_to_msg(self._now_ns)))
         pose = np.array(self.commands[-1].positions_rad) if self.commands else ROBOT.home_rad
         handled = self._handled
-        if self._tell(JointMeasurement(self._now_ns, ROBOT.joint_names, pose)):
+        if self._publish_joints(JointMeasurement(self._now_ns, ROBOT.joint_names, pose)):
             self._await(handled)
         while self._due_ns <= self._now_ns:
             for message in self._see(self._due_ns):

@@ -159,7 +159,7 @@ class Room(ABC):
             self._fault = None
             self._due_ns = self.now_ns()
             if fault.recalibrated and not fault.clock_s:
-                self.human.begin_anew()
+                self.human.restart()
 
     def _begin(self, fault: Fault) -> None:
         self._started_ns, self._first, self._fault = self.now_ns(), self._measured, fault
@@ -209,7 +209,7 @@ class Room(ABC):
     def _period_ns(self) -> int:
         return round(1e9 / (self._fault.rate_hz if self._fault else TRACKER_HZ))
 
-    def _tell(self, measured: JointMeasurement) -> bool:
+    def _publish_joints(self, measured: JointMeasurement) -> bool:
         """Say where the robot is, if it says so; whether it did."""
         self._measured = measured
         reported: JointMeasurement | None = measured

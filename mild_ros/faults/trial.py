@@ -158,7 +158,7 @@ def _recovers(room: Room, happened: Callable[[], bool]) -> bool:
     """Whether the robot follows again: at once, or when the person lowers the hand and raises it once more."""
     if room.until(happened, AT_ONCE_S):
         return True
-    room.human.begin_anew()
+    room.human.restart()
     return room.until(happened, RECOVERY_S)
 
 

@@ -96,7 +96,7 @@ class GapRoom(Room):
         if now_ns >= self._robot_ns:
             self._robot_ns = max(self._robot_ns + 10_000_000, now_ns)
             place = np.array(self.commands[-1].positions_rad) if self.commands else ROBOT.home_rad
-            self._tell(JointMeasurement(now_ns, ROBOT.joint_names, place))
+            self._publish_joints(JointMeasurement(now_ns, ROBOT.joint_names, place))
         self._executor.spin_once(timeout_sec=0.002)
 
 

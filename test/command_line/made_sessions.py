@@ -18,7 +18,7 @@ from mild_ros.bag_writer import BagWriter, create_bag
 from mild_ros.encoding import encode, type_name_of
 from mild_ros.messages.joint_state import joint_measurement_to_msg
 from mild_ros.messages.pose_array import person_to_pose_array
-from mild_ros.scenes import SCENES, Pose, Scene, arm_track
+from mild_ros.scenes import SCENES, ArmPose, Scene, arm_track
 from mild_ros.simulation.person import BODY_JOINTS, Camera, bodies, skeleton_frames
 
 JOINTS = ("right_shoulder", "right_elbow", "right_hand", "left_shoulder", "pelvis", "head")
@@ -48,7 +48,7 @@ class Session:
 def varied(scene: Scene, rng: np.random.Generator) -> Scene:
     """The same done by another person: higher or lower, faster or slower."""
 
-    def vary(pose: Pose, largest: float) -> Pose:
+    def vary(pose: ArmPose, largest: float) -> ArmPose:
         lift = tuple(pose.upper + np.array([0.0, 0.0, largest]))
         return replace(pose, after_s=pose.after_s * speed, upper=lift, fore=tuple(pose.fore + spread))
 

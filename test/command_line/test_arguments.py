@@ -65,7 +65,7 @@ def test_each_is_one_line_and_loads_nothing_slow(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
-def test_a_folder_of_somebody_else_is_no_place_for_results(tmp_path: Path) -> None:
+def test_a_folder_of_another_user_is_no_place_for_results(tmp_path: Path) -> None:
     tmp_path.chmod(0o500)
     command = [sys.executable, "-m", "mild_ros.command_line.main", "replay", BAG, "--out", str(tmp_path / "out")]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)

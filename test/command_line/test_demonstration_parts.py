@@ -140,7 +140,7 @@ def test_a_wrong_file_is_named_in_one_line(tmp_path, text: str, said: str) -> No
         (["a/b_c", "a_b/c", "x/b_c", "x/c"], ["a_b_c_1", "a_b_c_2", "x_b_c_3", "x_c_4"]),
     ],
 )
-def test_bags_of_one_name_are_told_apart_by_the_folders_above(
+def test_bags_of_one_name_are_distinguished_by_the_folders_above(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, paths: list[str], names: list[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)

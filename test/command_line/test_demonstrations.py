@@ -207,7 +207,7 @@ def test_two_people_are_brought_onto_one_clock(people: tuple[Path, Session, Sess
         np.testing.assert_allclose(trial.controlled, arm, atol=0.02)
 
 
-def test_two_people_in_the_same_messages_are_told_apart(tmp_path: Path) -> None:
+def test_two_people_in_the_same_messages_are_distinguished(tmp_path: Path) -> None:
     made = session(["hand_wave", "handshake"], 7)
     wide = Camera(arm_from_camera=looking_at((3.0, 1.2, 0.3), (0.0, 0.2, -0.4)))
     ahead, beside = person_frames(made, person_id=4), person_frames(made, wide, person_id=9)
@@ -265,9 +265,7 @@ def test_what_cannot_be_cut_is_one_line(short: Path, tmp_path: Path, capsys, opt
     assert not (tmp_path / "out" / "trials.toml").exists()
 
 
-def test_odd_labels_are_counted_and_a_calibrated_camera_tells_where_the_person_stood(
-    short: Path, tmp_path: Path, capsys
-) -> None:
+def test_odd_labels_are_counted_and_a_calibrated_camera_locates_the_person(short: Path, tmp_path: Path, capsys) -> None:
     robot_from_arm = np.array([[-1.0, 0, 0, 1.2], [0, -1.0, 0, -0.1], [0, 0, 1.0, 0.4], [0, 0, 0, 1.0]])
     pose = robot_from_arm @ Camera().arm_from_camera
     (x, y, z), turn = pose[:3, 3], pose[:3, :3]
@@ -283,7 +281,7 @@ def test_odd_labels_are_counted_and_a_calibrated_camera_tells_where_the_person_s
     np.testing.assert_allclose((*placed.translation_m, abs(placed.yaw_rad)), (1.2, -0.1, 0.4, np.pi), atol=1e-3)
 
 
-def test_nobody_who_stands_still_is_one_line(tmp_path: Path, capsys) -> None:
+def test_no_person_who_stands_still_is_one_line(tmp_path: Path, capsys) -> None:
     made = session(["hand_wave"], 3)
     made = replace(made, track=made.track + np.linspace(0.0, 20.0, len(made.track))[:, None, None])  # walks
     with create_bag(tmp_path / "walking") as bag:

@@ -68,7 +68,7 @@ def test_a_changed_model_is_unwell(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
     assert not doctor.models().well
 
 
-def test_running_nodes_are_told_of_in_their_own_words(ros_domain: int) -> None:
+def test_running_nodes_are_reported_by_their_diagnostics(ros_domain: int) -> None:
     assert doctor.running_nodes().seen == f"none reports in domain {ros_domain}"
     rclpy.init()
     node = rclpy.create_node("operator")

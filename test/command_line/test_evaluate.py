@@ -166,7 +166,7 @@ def test_cross_validation_writes_its_tables_and_what_happened_at_run_time(four_b
     assert "| wrong after 1 s |" in written
 
 
-def test_interactions_left_out_are_told_by_share_and_area(four_by_four, tmp_path, capsys):
+def test_interactions_left_out_are_reported_by_share_and_area(four_by_four, tmp_path, capsys):
     options = ("--unknown", "--data", str(four_by_four), "--protocol", "next", "--out", str(tmp_path / "out"))
     assert run("evaluate", *options, "--json") == 0
     printed = json.loads(capsys.readouterr().out)

@@ -141,7 +141,7 @@ def test_a_bare_name_means_the_shipped_model_whatever_folder_has_it(
     for name in (shipped, mine):
         shutil.copytree(share_folder("models") / shipped, tmp_path / name)
     monkeypatch.chdir(tmp_path)
-    share._tell.cache_clear()
+    share._print_once.cache_clear()
     assert model_folder(shipped) == share_folder("models") / shipped
     assert capsys.readouterr().err.count(f"the folder of that name here is ./{shipped}\n") == 1
     for path in (f"./{shipped}", f"{shipped}/", str(tmp_path / shipped)):

@@ -44,11 +44,11 @@ def test_a_page_that_fails_costs_neither_the_numbers_nor_the_pictures(
     assert "no page.html: AttributeError: 'TextureVisuals'" in capsys.readouterr().out
 
 
-def test_a_run_that_shows_nobody_still_has_numbers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def shows_nobody(*_: Any) -> None:
+def test_a_run_without_a_person_still_has_numbers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def shows_no_person(*_: Any) -> None:
         raise BagError("recorded", "never shows a whole person", "there is nothing to show; plots need less")
 
-    monkeypatch.setattr(results, "stage", shows_nobody)
+    monkeypatch.setattr(results, "stage", shows_no_person)
     shown = results.leave(HANDSHAKE, tmp_path, RunOptions(), "handshake", Console())
     assert [path.name for path in shown.files] == ["handshake", "plots.png", "report.json"]
     assert len(shown.problems) == 1

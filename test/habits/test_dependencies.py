@@ -188,7 +188,7 @@ def test_nothing_else_is_asked() -> None:
     assert foreign_hosts(ROOT) == []
 
 
-def test_setup_and_manifest_tell_one_version() -> None:
+def test_setup_and_manifest_name_one_version() -> None:
     manifest = ElementTree.parse(ROOT / "package.xml").findtext("version")
     assert f'version="{manifest}"' in (ROOT / "setup.py").read_text()
     assert f"[{manifest}]" in (ROOT / "CHANGELOG.md").read_text()

@@ -177,7 +177,7 @@ TELLING = [path for path in DOCUMENTS if path.name != "CHANGELOG.md"]
 
 
 @pytest.mark.parametrize("path", TELLING, ids=lambda path: str(path.relative_to(ROOT)))
-def test_all_that_is_told_can_be_done_without_ros2(path: Path) -> None:
+def test_all_that_is_documented_can_be_done_without_ros2(path: Path) -> None:
     assert only_with_ros2(path.read_text()) == []
 
 

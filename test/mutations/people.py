@@ -493,7 +493,7 @@ FAULTS = (
         f"{HERE}/stage.py",
         "return replace(state, no_contact=self._no_contact(state, 0))",
         "return state",
-        (f"{TESTS}/test_people.py::test_an_unmeasured_camera_is_told_before_anybody_is_seen",),
+        (f"{TESTS}/test_people.py::test_an_unmeasured_camera_is_reported_before_a_person_is_seen",),
     ),
     Fault(
         "a hand that may not be touched is offered",

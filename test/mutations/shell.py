@@ -244,8 +244,8 @@ FAULTS = (
         "fewer than none were lost",
         "Messages that only the recorder missed count as lost before perception, below zero.",
         "mild_ros/report.py",
-        "lost=max(len(run.tracker_arrived_ns) - len(seen), 0) if seen else None,",
-        "lost=len(run.tracker_arrived_ns) - len(seen) if seen else None,",
+        "dropped=max(len(run.tracker_arrived_ns) - len(seen), 0) if seen else None,",
+        "dropped=len(run.tracker_arrived_ns) - len(seen) if seen else None,",
         STILL,
     ),
     Fault(

@@ -141,7 +141,7 @@ def test_an_executable_starts_what_was_installed(installed: Installed, tmp_path:
 
 
 @pytest.mark.slow
-def test_without_ros_models_are_told_and_the_rest_is_one_line(without_ros: Installed, tmp_path: Path) -> None:
+def test_without_ros_models_are_listed_and_the_rest_is_one_line(without_ros: Installed, tmp_path: Path) -> None:
     mild = str(without_ros.prefix / "bin" / "mild")
     shown = run([mild, "models"], tmp_path)
     assert (shown.returncode, "yumi_buetepage_ahead" in shown.stdout) == (0, True), shown.stderr

@@ -55,7 +55,7 @@ def run(recorded: list[Recorded], settings: PerceptionSettings) -> tuple[Percept
     return state, windows
 
 
-def test_the_bag_holds_one_person_and_sixty_messages_of_nobody(recorded: list[Recorded]) -> None:
+def test_the_bag_holds_one_person_and_sixty_empty_messages(recorded: list[Recorded]) -> None:
     assert len(recorded) == 933
     assert sum(not message.people for message in recorded) == 60
     assert {len(message.people) for message in recorded} == {0, 1}

@@ -49,7 +49,7 @@ def test_the_person_of_a_bag_stands_where_the_models_recordings_put_people(scene
     np.testing.assert_allclose(forward, [np.cos(placement.yaw_rad), np.sin(placement.yaw_rad), 0.0], atol=2e-3)
 
 
-def test_what_is_told_wins_over_what_a_bag_states() -> None:
+def test_a_given_camera_pose_wins_over_the_bags() -> None:
     bag = ROOT / "bags" / "handshake"
     given = PipelineParameters(robot_from_camera="1 2 3 0 0 0")
     assert with_camera(given, bag).robot_from_camera == "1 2 3 0 0 0"

@@ -338,7 +338,7 @@ def test_paths_may_hold_any_sign(tmp_path: Path, name: str) -> None:
         assert positions(tmp_path / f"{name}{file.suffix}") == EXPECTED
 
 
-def test_a_type_that_nobody_defines_is_named(tmp_path: Path) -> None:
+def test_an_undefined_type_is_named(tmp_path: Path) -> None:
     store = foreign_types()
     name = "zed_msgs/msg/ObjectsStamped"
     with Writer(tmp_path / "bag", version=8, storage_plugin=StoragePlugin.SQLITE3) as writer:

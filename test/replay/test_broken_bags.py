@@ -168,7 +168,7 @@ def test_a_name_that_no_disk_can_hold_is_refused_and_salvaged(tmp_path):
     assert positions(path, salvage=True) == EXPECTED
 
 
-def test_garbage_in_one_message_is_told_apart_from_a_broken_bag(tmp_path):
+def test_garbage_in_one_message_is_distinguished_from_a_broken_bag(tmp_path):
     with create_bag(tmp_path / "bag") as writer:
         writer.write("/joint_states", JOINT_STATE, 1, b"\x00\x01\x00\x00" + b"\xff" * 40)
     with open_bag(tmp_path / "bag") as bag, pytest.raises(DataError, match="undecodable"):

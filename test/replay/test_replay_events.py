@@ -39,7 +39,7 @@ def test_a_grid_does_not_drift_at_a_rate_whose_period_is_no_round_number() -> No
     assert ticks[-1] == pytest.approx(1_000_000_001, abs=30)
 
 
-def test_where_time_begins_anew_so_does_the_grid() -> None:
+def test_where_time_restarts_so_does_the_grid() -> None:
     assert happened(100, 104, 3, 14) == [
         *(("tick", 100), ("message", 100), ("message", 104)),
         *(("tick", 3), ("message", 3), ("tick", 13), ("message", 14)),
@@ -90,7 +90,7 @@ def test_every_stage_s_report_has_to_be_written_down() -> None:
     assert acknowledged == [False, False, False, True]
 
 
-def test_without_a_recorder_nobody_waits_for_one() -> None:
+def test_without_a_recorder_there_is_no_wait_for_one() -> None:
     step, _ = in_lock_step(Event(1, TICK), recorders=0)
     step.advance()
     assert step.is_done_after(Handled("pipeline", 0, "tick", 1))

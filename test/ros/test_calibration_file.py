@@ -91,7 +91,7 @@ def longer(people: People, factor: float) -> People:
     return (replace(person, positions_m=shoulder + factor * (person.positions_m - shoulder)),)
 
 
-def test_somebody_else_calibrates_anew_after_a_while(calibration: Calibration) -> None:
+def test_another_person_calibrates_again_after_a_while(calibration: Calibration) -> None:
     settings = replace(SETTINGS, calibration=calibration)
     state, windows = run([longer(people, 1.5) for people in seen(at_rate(40.0, 8.0))], settings)
     assert state.counts["bone_length"] > 5 * 40

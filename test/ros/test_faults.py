@@ -54,7 +54,7 @@ def test_a_fault_of_messages_is_survived_and_counted(replayed_room: Room, name: 
 
 
 @pytest.mark.slow
-def test_what_is_not_survived_is_told(replayed_room: Room) -> None:
+def test_what_is_not_survived_is_reported(replayed_room: Room) -> None:
     planted = replace(FAULTS["repetitions"], answer="rests", counted=("perception not_finite",))
     wrong = tried(replayed_room, planted).wrong
     assert wrong[0] == "perception not_finite was not counted"
@@ -63,7 +63,7 @@ def test_what_is_not_survived_is_told(replayed_room: Room) -> None:
 
 
 @pytest.mark.slow
-def test_another_reason_to_stop_is_told(replayed_room: Room) -> None:
+def test_another_reason_to_stop_is_reported(replayed_room: Room) -> None:
     outcome = tried(replayed_room, replace(FAULTS["robot NaN"], counted=("perception not_finite",)))
     assert outcome.wrong == ("perception not_finite was not counted",)
     assert outcome.stopped_by == ("retargeting robot_silent",)
@@ -91,7 +91,7 @@ def test_an_arm_that_stays_where_it_is_has_not_given_way(rad_s: float, hindered:
 
 
 @pytest.mark.parametrize(("rad_s", "rests"), [(0.0, True), (0.3, True), (1.0, False)])
-def test_an_arm_that_goes_on_has_not_made_way_for_anybody(rad_s: float, rests: bool) -> None:
+def test_an_arm_that_goes_on_has_not_given_way(rad_s: float, rests: bool) -> None:
     commands = turning(rad_s)
     rest_s = rest_after_s("rests", commands, 0, round(0.5e9), turned_rad(commands[80:]))
     assert rest_s is not None
@@ -142,7 +142,7 @@ def test_commands_inside_the_limits_pass() -> None:
         ("begins at speed", smooth()[:50] + later(smooth()[50:], 400_000_000)),
     ],
 )
-def test_commands_outside_the_limits_are_told(problem: str, commands: list[Command]) -> None:
+def test_commands_outside_the_limits_are_reported(problem: str, commands: list[Command]) -> None:
     assert any(problem in line for line in problems(ROBOT, commands))
 
 

@@ -71,7 +71,7 @@ def content(marker: Any) -> tuple[Any, ...]:
 
 @settings(deadline=None)
 @given(st.lists(markers(), max_size=4))
-def test_bytes_tell_what_rclpy_tells(made: list[Marker]) -> None:
+def test_bytes_are_read_as_by_rclpy(made: list[Marker]) -> None:
     data = serialize_message(MarkerArray(markers=made))
     expected = deserialize_message(data, MarkerArray).markers
     assert [content(marker) for marker in marker_array_from_bytes(data).markers] == [

@@ -101,7 +101,7 @@ def test_what_has_no_place_in_dds_is_lost_and_nothing_else_is(heard: Heard, prob
     assert lost == pytest.approx(120 + 1 - SENSOR.depth, abs=1), "`last` may be taken together with them or after them"
 
 
-def test_of_two_publishers_no_loss_is_told(heard: Heard, probe: Probe) -> None:
+def test_of_two_publishers_no_loss_is_counted(heard: Heard, probe: Probe) -> None:
     words = [probe.node.create_publisher(String, "words", SENSOR) for _ in range(2)]
     probe.until(lambda: heard.node.count_publishers("words") == 2, "both")
     for number in range(200):

@@ -130,7 +130,7 @@ def test_the_operator_is_obeyed(start: Callable[..., NodeProcess], bench: Motion
     assert bench.status()[2]["joint_command count"] == count, "a disabled node sends nothing"
 
 
-def test_it_stops_when_somebody_else_commands(start: Callable[..., NodeProcess], bench: Motions) -> None:
+def test_it_stops_when_another_node_commands(start: Callable[..., NodeProcess], bench: Motions) -> None:
     node = start("retargeting")
     bench.connect()
     bench.measure()
@@ -175,7 +175,7 @@ def test_bad_input_is_counted_by_its_reason(start: Callable[..., NodeProcess], b
     bench.connect()
     bench.measure(np.full(7, np.nan))
     bench.states.publish(JointState(name=["a"], position=[0.0, 1.0]))
-    bench.states.publish(JointState(name=["somebody_else"], position=[0.0]))
+    bench.states.publish(JointState(name=["another_joint"], position=[0.0]))
     bench.measure(YUMI.upper_rad + 1.0)
     bench.until_counted(
         "retargeting not_finite", "messages wrong_layout", "retargeting joints_missing", "retargeting outside_limits"

@@ -25,7 +25,7 @@ def where(message: JointState) -> np.ndarray:
     return np.array([places[name] for name in YUMI.joint_names])
 
 
-def test_it_stands_at_home_and_goes_where_it_is_told(start: Callable[..., NodeProcess], probe: Probe) -> None:
+def test_it_stands_at_home_and_goes_where_it_is_commanded(start: Callable[..., NodeProcess], probe: Probe) -> None:
     around = Surroundings(probe, "simulation")
     states = probe.listen(JointState, "joint_states")
     pictures = probe.listen(Image, "camera/image_raw")

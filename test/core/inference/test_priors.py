@@ -8,7 +8,7 @@ import pytest
 
 from mild_core.inference.gaussian import Gaussian, condition, log_density, mixture_moments
 from mild_core.inference.priors import GMM, HSMM, PRIORS
-from mild_core.inference.priors.chain import Chain
+from mild_core.inference.priors.chain import SemiMarkovChain
 from mild_core.inference.priors.prior import FitSettings
 
 PLAIN = FitSettings(
@@ -241,12 +241,12 @@ def test_chains_of_another_kind_are_refused():
     gaussians = Gaussian(np.zeros((2, 2)), np.tile(np.eye(2), (2, 1, 1)))
     half, one = np.full((2, 2), 0.5), np.ones((2, 1))
     with pytest.raises(ValueError, match="zero diagonal"):
-        HSMM(gaussians, Chain(half[0], half, half), np.zeros(2), 1)
+        HSMM(gaussians, SemiMarkovChain(half[0], half, half), np.zeros(2), 1)
     with pytest.raises(ValueError, match="one frame"):
-        PRIORS["hmm"](gaussians, Chain(half[0], half, half), np.zeros(2), 1)
+        PRIORS["hmm"](gaussians, SemiMarkovChain(half[0], half, half), np.zeros(2), 1)
     with pytest.raises(ValueError, match="every row"):
-        GMM(gaussians, Chain(half[0], np.eye(2), one), np.zeros(2), 1)
+        GMM(gaussians, SemiMarkovChain(half[0], np.eye(2), one), np.zeros(2), 1)
     with pytest.raises(ValueError, match="observed_size"):
-        GMM(gaussians, Chain(half[0], half, one), np.zeros(2), 3)
+        GMM(gaussians, SemiMarkovChain(half[0], half, one), np.zeros(2), 3)
     with pytest.raises(ValueError, match="cut into"):
         GMM.from_demonstrations([np.zeros((3, 2))], 4, 1)

@@ -44,7 +44,7 @@ def test_what_is_given_is_certain():
     assert (conditioned.likeliest, conditioned.probability) == (2, 1.0)
 
 
-def test_not_told_it_answers_what_it_would_told_each_interaction_mixed_by_probability(full_model):
+def test_predictions_per_interaction_are_averaged_with_the_posterior(full_model):
     conditioned = [run(Inference(full_model, name), windows(30))[1] for name in INTERACTIONS]
     stage = Inference(full_model)
     state, unsure = stage.init(), 0

@@ -122,7 +122,7 @@ def test_a_hand_that_moves_in_the_first_window_does_not_wait():
 
 
 @pytest.mark.parametrize(("height_m", "back"), [(0.1, True), (BACK_M + 0.05, False)])
-def test_a_hand_that_is_held_still_in_somebody_elses_is_not_back(height_m, back):
+def test_a_hand_that_is_held_still_in_another_hand_is_not_back(height_m, back):
     away = hand(first_seen(np.zeros((1, 3))), [(0, 0, 0.4)] * 5)
     assert is_back(hand(away, [(0, 0, height_m)] * 81), 80) == back
     assert not is_back(hand(away, [(0, 0, height_m)] * 79), 80)

@@ -160,7 +160,7 @@ def test_every_truncated_pickle_is_one_clear_line(tmp_path):
         assert "\n" not in str(refused.value)
 
 
-def test_an_absent_array_is_told_once(tmp_path: Path) -> None:
+def test_an_absent_array_is_reported_once(tmp_path: Path) -> None:
     np.savez(tmp_path / "a.npz", train_data=np.zeros(2))
     with pytest.raises(DatasetError) as error:
         read_archive(tmp_path / "a.npz", ("train_data", "test_data"))

@@ -9,7 +9,7 @@ import pytest
 from mild_core.learning.baselines import BASELINES
 from mild_core.learning.evaluation import errors_of_trial, summarise
 from mild_core.learning.folds import folds_of
-from mild_core.learning.kernels import Grid, fit_chosen, linear
+from mild_core.learning.kernels import SearchGrid, fit_chosen, linear
 from mild_core.learning.windows import PROTOCOLS, cut
 from test.core.learning.made_trials import made_trials
 
@@ -44,7 +44,7 @@ def test_time_indexed_mean_plays_the_mean_motion_at_the_time_of_the_answer(proto
 
 
 def test_ridge_in_the_dual_is_ridge_in_the_primal():
-    machine = fit_chosen(TRIALS[:4], PROTOCOLS["next"], linear, Grid((1.0,), (10.0,)))
+    machine = fit_chosen(TRIALS[:4], PROTOCOLS["next"], linear, SearchGrid((1.0,), (10.0,)))
     windows = [cut(t, PROTOCOLS["next"]) for t in TRIALS[:4]]
     features = np.concatenate([w.observed.reshape(len(w.observed), -1)[::3] for w in windows])
     answers = np.concatenate([w.controlled.reshape(len(w.controlled), -1)[::3] for w in windows])

@@ -43,7 +43,7 @@ def probabilities(recogniser, trial):
     return found[newest < start - 10], found[(newest > start + 20) & moved[newest]]
 
 
-def test_it_tells_new_trials_apart_once_the_hand_has_moved():
+def test_it_classifies_new_trials_once_the_hand_has_moved():
     learned = tuple(aside(trial) for trial in made_trials(each=4, frames=300))  # long enough for windows at rest
     with drawing_from(0):
         recogniser = train_recogniser(corpus_of(learned, SAME_SECOND, TWO), QUICK, Augmentation(), 80)

@@ -119,7 +119,7 @@ def measured(positions, stamp_ns=0, names=None):
     return JointMeasurement(stamp_ns, names or TRIALS[0].controlled_names, np.asarray(positions))
 
 
-def test_the_start_is_taken_while_nobody_is_answered(model):
+def test_the_start_is_taken_while_no_interaction_runs(model):
     stage = Inference(model, TWO[0])
     state, _ = stage.step(stage.init(), measured([0.1, 0.2, 0.3]), 0)
     np.testing.assert_array_equal(state.start, [0.1, 0.2, 0.3])
@@ -142,7 +142,7 @@ def test_the_start_is_taken_while_nobody_is_answered(model):
         (measured([0.1, 0.2, 2.3]), "doubted"),
     ],
 )
-def test_what_tells_no_pose_is_counted_and_changes_nothing(model, given, reason):
+def test_what_holds_no_pose_is_counted_and_changes_nothing(model, given, reason):
     stage = Inference(model, TWO[0])
     before, _ = stage.step(stage.init(), measured([0.1, 0.2, 0.3]), 0)
     state, motions = stage.step(before, given, 10**10 if reason == "joints_missing" else 0)

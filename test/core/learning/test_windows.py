@@ -59,7 +59,7 @@ def test_velocities_are_differences_per_second_after_the_positions():
     np.testing.assert_array_equal(features_of(trial, "positions"), trial.observed_m.reshape(20, 9))
 
 
-def test_thinning_keeps_every_fifth_frame_and_tells_the_rate():
+def test_thinning_keeps_every_fifth_frame_and_reports_the_rate():
     trial = thin(counting_trial(103), PROTOCOLS["next"])
     assert trial.rate_hz == 8.0
     np.testing.assert_array_equal(trial.controlled[:, 0], np.arange(20) * 5)
@@ -76,6 +76,6 @@ def test_feature_windows_are_the_cut_windows_stamped_by_their_newest_frame():
     np.testing.assert_array_equal(windows[3].features, made.observed[3])
 
 
-def test_a_misspelt_protocol_is_told_the_right_ones():
+def test_a_misspelt_protocol_lists_the_right_ones():
     with pytest.raises(SetupError, match="did you mean 'ahead'"):
         protocol_named("ahed")

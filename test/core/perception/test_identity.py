@@ -171,7 +171,7 @@ def test_a_person_whose_trunk_was_hidden_is_found_again_by_where_it_was(alone: l
     assert len(windows) == 120
 
 
-def test_bones_of_somebody_else_lead_to_a_new_calibration(alone: list[People]) -> None:
+def test_bones_of_another_person_lead_to_a_new_calibration(alone: list[People]) -> None:
     def giant(p: SkeletonFrame) -> SkeletonFrame:
         return replace(p, positions_m=p.positions_m[:1] + 1.5 * (p.positions_m - p.positions_m[:1]))
 
@@ -188,7 +188,7 @@ def _at_rest(times_s: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("joints", [3, 4])
-def test_one_joint_that_a_tracker_throws_away_makes_nobody_another_person(joints: int) -> None:
+def test_one_joint_that_a_tracker_throws_away_is_no_change_of_person(joints: int) -> None:
     trunk = tuple((0.2 * joint, 2.0, 1.0) for joint in range(joints))
     moved = tuple((x + 0.1, y, z) for x, y, z in trunk)
     assert apart_m(trunk, (*moved[:-1], (9.0, 9.0, 9.0))) == pytest.approx(0.1)

@@ -80,7 +80,7 @@ def test_every_fifth_frame_may_come_twice() -> None:
     assert "frozen" not in run(messages)[0].counts
 
 
-def test_joints_that_nobody_sees_may_repeat_themselves_and_confidence_is_no_measurement() -> None:
+def test_unseen_joints_may_repeat_themselves_and_confidence_is_no_measurement() -> None:
     generator = np.random.default_rng(0)
     still = seen([0.0])[0][0]
     hidden = [place for place, joint in enumerate(BODY_JOINTS) if joint.startswith("left_")]

@@ -61,7 +61,7 @@ def test_a_rate_without_whole_nanoseconds_does_not_drift() -> None:
 
 
 @pytest.mark.parametrize("rate_hz", [5.0, 15.0, 40.0, 250.0])
-def test_losses_are_told_from_the_stamps_despite_jitter(rate_hz: float) -> None:
+def test_losses_are_counted_from_the_stamps_despite_jitter(rate_hz: float) -> None:
     generator = np.random.default_rng(2)
     index = np.flatnonzero(generator.random(1000) > 0.1)
     stamps = np.round((index + generator.uniform(-0.1, 0.1, len(index))) * 1e9 / rate_hz).astype(int).tolist()

@@ -183,7 +183,7 @@ def test_the_same_stamp_twice_and_a_late_message_are_counted_and_change_nothing(
         np.testing.assert_array_equal(one.features, other.features)
 
 
-def test_a_bag_that_loops_starts_anew() -> None:
+def test_a_bag_that_loops_resets() -> None:
     messages = seen(at_rate(40.0, 3.0))
     state, once = run(messages)
     state, twice = run(messages, state=state)

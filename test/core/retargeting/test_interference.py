@@ -176,7 +176,7 @@ def test_the_same_story_gives_the_same_bits_from_any_saved_state() -> None:
         spoken += len(commands)
 
 
-def test_a_measurement_while_disabled_starts_the_commands_anew() -> None:
+def test_a_measurement_while_disabled_restarts_the_commands() -> None:
     run = Run()
     run.wait(0.1)
     run.give(Request("disable"), measurement(AWAY, run.now_ns), Request("enable"))
@@ -188,7 +188,7 @@ def test_a_measurement_while_disabled_starts_the_commands_anew() -> None:
     assert "gap" not in run.state.counts
 
 
-def test_without_a_plan_the_robot_is_told_to_stay_and_it_is_counted() -> None:
+def test_without_a_plan_the_robot_is_commanded_to_stay_and_it_is_counted() -> None:
     run = Run()
     run.wait(0.5, AWAY)
     assert run.state.motion is not None

@@ -226,7 +226,7 @@ def test_the_arm_gives_way_to_a_head_that_comes_and_goes_home_afterwards(mode: s
     assert np.abs(run.last.positions_rad - YUMI.home_rad).max() < 1e-6, run.last.mode
 
 
-def test_an_operators_hold_stands_still_whoever_comes() -> None:
+def test_an_operators_hold_stands_still_for_every_person() -> None:
     run = Around()
     run.live(0.5)
     run.give(Request("hold"))
@@ -251,7 +251,7 @@ def test_people_stay_where_they_were_when_the_tracker_falls_silent() -> None:
 
 
 @pytest.mark.parametrize("allowed", [False, True])
-def test_an_unmeasured_camera_is_told_and_hands_touch_only_where_that_is_allowed(allowed: bool) -> None:
+def test_an_unmeasured_camera_is_reported_and_hands_touch_only_where_that_is_allowed(allowed: bool) -> None:
     run = Around(RetargetingSettings(allow_unmeasured_contact=allowed))
     run.frame_id = ARM_FRAME
     run.live(0.5)
@@ -266,7 +266,7 @@ def test_an_unmeasured_camera_is_told_and_hands_touch_only_where_that_is_allowed
     assert run.state.notices(run.now_ns) == ()
 
 
-def test_an_unmeasured_camera_is_told_before_anybody_is_seen() -> None:
+def test_an_unmeasured_camera_is_reported_before_a_person_is_seen() -> None:
     def reasons(measured: bool | None, standing: Standing = STANDING, **settings: Any) -> tuple[str, ...]:
         return Retargeting(YUMI, RetargetingSettings(**settings), standing, measured).init().notices(0)
 

@@ -51,17 +51,17 @@ def test_a_head_that_comes_at_the_hand_is_given_way_to(direction: list[float]) -
 
 
 @pytest.mark.parametrize("away_m", [0.15, 0.3, 1.0])
-def test_whoever_stands_still_outside_of_what_is_kept_moves_nothing(away_m: float) -> None:
+def test_a_person_who_stands_still_outside_of_the_kept_distance_moves_nothing(away_m: float) -> None:
     assert retreat(ball(np.array([away_m + 0.15, 0.0, 0.0]), np.zeros(3))) is None
     assert retreat(NO_ONE) is None
 
 
-def test_whoever_goes_away_moves_nothing_and_whoever_is_too_near_does() -> None:
+def test_a_person_who_leaves_moves_nothing_and_one_who_is_too_near_does() -> None:
     assert retreat(ball(np.array([0.25, 0.0, 0.0]), np.array([1.0, 0.0, 0.0]))) is None
     assert retreat(ball(np.array([0.05, 0.0, 0.0]), np.zeros(3))) is not None
 
 
-def test_the_nearer_and_the_faster_somebody_comes_the_faster_the_arm_goes() -> None:
+def test_the_nearer_and_the_faster_a_person_comes_the_faster_the_arm_goes() -> None:
     speeds = []
     for away_m, speed in ((0.25, 0.5), (0.25, 0.7), (0.2, 0.7)):
         rates = retreat(ball(np.array([away_m, 0.0, 0.0]), np.array([-speed, 0.0, 0.0])))
