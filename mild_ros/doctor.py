@@ -22,9 +22,9 @@ from typing import Any
 
 from mild_core.errors import MildError
 from mild_core.inference.model import load_model
+from mild_core.resources import model_folder, model_names
 from mild_ros.dds_variables import HARMLESS, PAIRED, PROFILES_HERE, UNNAMED, given
 from mild_ros.processes import DOMAINS, PYTHON, shared_memory_owners
-from mild_ros.share import model_folder, model_names
 from mild_ros.simulation.quiet import quiet_terminal
 
 SEE = "see docs/troubleshooting.md"

@@ -12,7 +12,7 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
-from mild_ros.share import share_folder
+from mild_core.resources import share_folder
 
 FOREIGN = ("ROS_", "RMW_", "RCL_", "RCUTILS_", "FASTDDS_", "FASTRTPS_", "CYCLONEDDS_", "ZENOH_", "NDDS_")
 """Variables that begin so lead a process elsewhere, or to other people's settings; own processes run without them."""

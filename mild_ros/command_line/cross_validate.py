@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from mild_core.errors import SetupError
+from mild_core.resources import model_folder
 from mild_ros.command_line.console import Console
 from mild_ros.command_line.error_tables import markdown, markdown_table, print_cells, print_comparison, rows_as_data
 from mild_ros.command_line.run_time_tables import run_time_as_data, run_time_cells, unknown_as_data, unknown_cells
-from mild_ros.share import model_folder
 
 if TYPE_CHECKING:
     from mild_core.learning.comparison import Row

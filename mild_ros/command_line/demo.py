@@ -31,12 +31,12 @@ def demo(
         mild demo --scene hand_wave
     """
     import_module("rclpy")  # where ROS is missing, that is said before the rest is loaded
+    from mild_core.resources import share_folder
     from mild_ros.assembly.arguments import check_parameters
     from mild_ros.assembly.perception import skeleton_source
     from mild_ros.bag_camera import keep_camera, with_camera
     from mild_ros.scenes import SCENES
     from mild_ros.settings import PipelineParameters
-    from mild_ros.share import share_folder
     from mild_ros.stillness import counts_of, has_moved, why_still
 
     scenes = sorted(each.name for each in SCENES)

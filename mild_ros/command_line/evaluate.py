@@ -172,8 +172,8 @@ def _evaluate_model(
     from mild_core.learning.evaluation import summarise
     from mild_core.learning.model_predictor import require_fit
     from mild_core.learning.windows import protocol_named
+    from mild_core.resources import model_folder
     from mild_ros.command_line.error_tables import errors_as_data, print_json, print_model
-    from mild_ros.share import model_folder
 
     if labels not in LABELS:
         raise unknown_name("labels", labels, LABELS)

@@ -12,8 +12,8 @@ from rich.markdown import Markdown
 from rich.table import Table
 
 from mild_core.inference.model import REPORT, Manifest, read_manifest
+from mild_core.resources import model_folder, model_names, share_folder
 from mild_ros.command_line.console import Console
-from mild_ros.share import model_folder, model_names, share_folder
 
 UNMEASURED = "not measured"
 

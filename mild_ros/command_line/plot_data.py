@@ -46,7 +46,7 @@ def watched(name: str, data: Path | None, split: str, trial: int | None = None) 
     from mild_core.inference.model import load_model
     from mild_core.learning.datasets import recording_named
     from mild_core.learning.model_predictor import require_fit
-    from mild_ros.share import model_folder
+    from mild_core.resources import model_folder
 
     model = load_model(model_folder(name))
     recording = recording_named(str(model.manifest.training.get("dataset", "buetepage_hr")), data)

@@ -14,7 +14,7 @@ import typer
 
 from mild_core.budgets import TABLE_BYTES, parse_json, read_file
 from mild_core.errors import SetupError
-from mild_ros.share import model_folder
+from mild_core.resources import model_folder
 
 if TYPE_CHECKING:
     from collections.abc import Generator

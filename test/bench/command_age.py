@@ -34,6 +34,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from mild_core.perception.skeletons import SOURCES
+from mild_core.resources import model_folder
 from mild_core.retargeting.robots import ROBOTS
 from mild_core.signals import JointMeasurement
 from mild_ros.messages.handled import handled_from_msg
@@ -43,7 +44,6 @@ from mild_ros.messages.pose_array import person_to_pose_array
 from mild_ros.messages.skeletons import ADAPTERS
 from mild_ros.messages.stamps import NANOSECONDS_PER_SECOND, ns_from_msg
 from mild_ros.quality_of_service import COMMAND, HANDLED, SENSOR
-from mild_ros.share import model_folder
 from mild_ros.simulation.person import BODY_JOINTS, bodies, skeleton_frames, with_neutral_second
 from test.core.inference.random_model import manifest, paper_member, random_arrays
 

@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from mild_ros.share import share_folder
+from mild_core.resources import share_folder
 from test.command_line.test_main import run
 from test.command_line.test_train import smooth_track
 from test.core.learning.test_buetepage_hr import one_hot, track, write
