@@ -2,7 +2,7 @@
 """The parts of the documents that are written from the code; a test holds each document to them.
 
 A document marks the place with `<!-- generated: NAME -->` and, on a later line, `<!-- end -->`. Bring them up to date
-with `python -m mild_ros.documentation README.md ...`.
+with `python -m mild_ros.documentation docs/reference.md ...`.
 """
 
 from __future__ import annotations

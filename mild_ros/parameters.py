@@ -2,7 +2,7 @@
 """One frozen dataclass is the only place where a node's parameters are written down.
 
 From its fields come the declared ROS parameters, their descriptors, the refusal of a wrong value in one line, and
-the table in the README. Every parameter is read-only: a node is set up once, and started again to be changed.
+the table in docs/reference.md. Every parameter is read-only: a node is set up once, and started again to be changed.
 """
 
 from __future__ import annotations
@@ -136,7 +136,7 @@ def _without_negative(on_clock: Callable[[Any], None]) -> Callable[[Any], None]:
 
 
 def table_markdown(kind: type[Any]) -> str:
-    """The parameters as a Markdown table for the README."""
+    """The parameters as a Markdown table for docs/reference.md."""
     lines = ["| Parameter | Default | Unit | Range | Meaning |", "|---|---|---|---|---|"]
     for entry in fields(kind):
         facts = about(entry)

@@ -7,6 +7,8 @@ mixed up between a bag and a model, and nothing about how good a model of real p
 
 from __future__ import annotations
 
+import os
+import subprocess
 from dataclasses import replace
 from pathlib import Path
 
@@ -40,6 +42,7 @@ from test.command_line.made_sessions import (
     write_session,
 )
 from test.command_line.test_main import run
+from test.habits.tree import ROOT
 
 TRACKER = f'source = "pose_array"\njoint_names = {list(JOINTS)}\nsource_axes = "optical"\n'
 CONFIG = f'touching = ["handshake"]\n[person]\n{TRACKER}[robot]\nrobot = "yumi"\n[cut]\nrate_hz = 15.0\n'
@@ -291,3 +294,11 @@ def test_no_person_who_stands_still_is_one_line(tmp_path: Path, capsys) -> None:
     options = ("--label", "x", "--config", str(tmp_path / "cut.toml"), "--out", str(tmp_path / "out"))
     assert run("demonstrations", str(tmp_path / "walking"), *options) == 2
     assert "the person never stands still for 1 s in it" in capsys.readouterr().err
+
+
+def test_the_example_goes_from_bags_to_a_measured_model(folder: Path, tmp_path: Path) -> None:
+    words = [ROOT / "examples/train_on_my_bags.sh", tmp_path, folder / "cut.toml", folder / "take_0"]
+    done = subprocess.run(words, env={**os.environ, "EPOCHS": "1"}, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "run it: ./mild run pipeline -p model:=" in done.stdout
+    assert load_model(tmp_path / "model").manifest.training["dataset"] == "trials"
