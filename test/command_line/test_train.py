@@ -126,6 +126,18 @@ def test_a_partners_arm_is_learned_and_scored_in_metres(tmp_path, capsys):
     assert (told["dataset"], told["unit"]) == ("nuisi", "m^2")
     assert 0 < told["mean_absolute_cm"] < told["rmse_cm"] < 100
     assert told["windows"] == sum(60 + index - 4 for index in range(8))
+    heir = 'dataset = "nuisi"\nprotocol = "same"\nstart_from = "{}"\n'
+    (tmp_path / "heir.toml").write_text(heir.format(out))
+    again = ("train", "--config", str(tmp_path / "heir.toml"), "--data", str(data), *QUICK, "--out")
+    assert run(*again, str(tmp_path / "heir")) == 0
+    started = load_model(tmp_path / "heir").manifest.training["start_from"]
+    assert started.startswith("made (") and "decoder." in started
+    assert f"Hidden layers from {started}." in (tmp_path / "heir" / "REPORT.md").read_text()
+    capsys.readouterr()
+    preset = 'preset = "paper"\n[settings.prior]\ncomponents = 3\n'
+    (tmp_path / "heir.toml").write_text(heir.format(out) + preset)
+    assert run(*again, str(tmp_path / "none")) == 2
+    assert "start_from: no hidden layer of it has the name and size" in capsys.readouterr().err
 
 
 def test_errors_of_another_protocol_are_refused(data, tmp_path, capsys):
