@@ -52,7 +52,8 @@ def model_card(manifest: Manifest, recording: Recording, retrain: str) -> str:
         f"{recording.title}: {recording.source}.\n",
         f"Licence: {recording.licence}. The recordings are not part of this package, and this folder stores none of "
         "their windows: networks, Gaussians, means of clusters and a synthetic sample only.\n",
-        f"{_started(training)}Trials: {training.get('trials', 'unknown')}, {whose} {training.get('split', 'training')} split only. "
+        f"{_started(training)}Trials: {training.get('trials', 'unknown')}, "
+        f"{whose} {training.get('split', 'training')} split only. "
         f"Seeds: {_listed(training.get('seeds', ()))}. {_epochs(training)}"
         f"Source revision: {training.get('git_revision', 'unknown')}.\n",
         "## Errors\n",

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 WARM_UP_EPOCHS = 10
 LEAST_RATE = 0.02
