@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A tracker of one's own: a node that publishes joints as geometry_msgs/PoseArray. Start the pipeline beside it:
+"""A tracker of one's own: a node that publishes joints as geometry_msgs/PoseArray.
+
+Start the pipeline beside it:
 
 ./mild run pipeline -p source:=pose_array -p source_axes:=rep103 -p interaction:=handshake \
     -p joint_names:="[pelvis, left_shoulder, right_shoulder, right_elbow, right_hand]"

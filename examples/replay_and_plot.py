@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Replay a bag without DDS and plot the commands.
-
-python examples/replay_and_plot.py bags/handshake commands.png
-"""
+"""Replay a bag (first argument) without DDS and plot the commands into a picture (second argument)."""
 
 import sys
 from pathlib import Path
@@ -39,4 +36,4 @@ def main(bag: Path, picture: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), Path(sys.argv[2]))
+    main(*map(Path, sys.argv[1:]))

@@ -33,6 +33,7 @@ class TrainedMember:
         question: Coordinates of the human's windows.
         answer: Coordinates of the robot's windows.
         recogniser: None: the reservoir classifies the interaction, or else the priors do.
+        carried: Layers that training started with from another model, as `network.layer`.
     """
 
     networks: MemberNetworks
@@ -40,6 +41,7 @@ class TrainedMember:
     question: Coordinates
     answer: Coordinates
     recogniser: Recogniser | None = None
+    carried: tuple[str, ...] = ()
 
     def predict(self, questions: Tensor, label: Tensor) -> Tensor:
         """(B, N, W D) successive windows of B tracks and their labels (B,) -> (B, N, W J)."""

@@ -16,7 +16,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from mild_core.errors import DatasetError
+from mild_core.errors import DatasetError, SetupError
 from mild_core.inference.reservoir import Reservoir
 from mild_core.inference.start_pose import StartPose
 from mild_core.learning.carry_over import carry_over
@@ -107,6 +107,7 @@ def train(
     Raises:
         ValueError, KeyError, RuntimeError: There is no demonstration, or a snapshot is of something else.
         DatasetError: See `require_learnable`; with `doublings` there are too few to hold some out.
+        SetupError: No layer of `start` fits.
 
     Source: Algorithm 1 of MILD.
     """
@@ -170,12 +171,12 @@ def _long_enough(
     parts = (corpus_of(part, corpus.protocol, corpus.interactions) for part in (fold.learned, fold.held_out))
     (learned, held_out), tried = parts, lengths(settings.epochs, settings.doublings)
     for place, epochs in enumerate(tried):
-        learner, objective = _learner(learned, settings.lasting(epochs), (seed, LOOKING), start, resume[place:])
+        learner, objective = _learner(learned, replace(settings, epochs=epochs), (seed, LOOKING), start, resume[place:])
         for report in _epochs(learned, objective, learner, (seed, LOOKING), held_out):
             yield replace(report, member=place, members=len(tried) + settings.members)
         errors += learner.validation
         if levelled_off(errors):
-            return settings.lasting(tried[place - 1]), place + 1
+            return replace(settings, epochs=tried[place - 1]), place + 1
     return settings, len(tried)
 
 
@@ -194,10 +195,13 @@ def _learner(
             settings.architecture, question.size, answer.size, labels, settings.prior.components, settings.dropout
         )
     compile_memories(networks)
-    carry_over(networks, start)
+    carried = carry_over(networks, start)
+    if start and not carried:
+        problem = "no hidden layer of it has the name and size of one that is trained here"
+        raise SetupError("start_from", problem, "leave it out, or name a model with the same architecture")
     rate, decay = settings.learning_rate, settings.weight_decay
     optimiser = torch.optim.AdamW(networks.parameters(), lr=rate, weight_decay=decay, fused=True)
-    learner = Learner(networks, optimiser)
+    learner = Learner(networks, optimiser, carried)
     if resume:
         learner.go_on_from(resume[0], settings, corpus.interactions)
     return learner, Objective(settings, question, answer, labels)
@@ -240,7 +244,7 @@ def _trained(corpus: Corpus, objective: Objective, learner: Learner, seed: int, 
     assert learner.prior is not None  # every epoch without one ends by making it
     with drawing_from(seed, number, objective.settings.epochs):
         recogniser = _recogniser(corpus, objective.settings)
-    return TrainedMember(networks, learner.prior, objective.question, objective.answer, recogniser)
+    return TrainedMember(networks, learner.prior, objective.question, objective.answer, recogniser, learner.carried)
 
 
 def _recogniser(corpus: Corpus, settings: TrainingSettings) -> Recogniser | None:

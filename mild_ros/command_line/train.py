@@ -277,6 +277,12 @@ def _stopped(epochs: int, asked: TrainingSettings) -> str:
     return f"levelled off, of at most {asked.epochs}" if epochs < asked.epochs else "the most allowed: not levelled off"
 
 
+def _start(trained: TrainedModel, asked: Configuration) -> str:
+    """Which layers training started with from which model; "" where it started from none."""
+    layers = sorted({layer for member in trained.members for layer in member.carried})
+    return f"{Path(asked.start_from).name} ({', '.join(layers)})" if layers else ""
+
+
 def _about(trained: TrainedModel, asked: Configuration, recording: Recording, trials: int) -> dict[str, Any]:
     """What the manifest says of a training, for people."""
     return {
@@ -288,6 +294,7 @@ def _about(trained: TrainedModel, asked: Configuration, recording: Recording, tr
         "epochs": trained.settings.epochs,
         "reservoir_units": 0 if trained.reservoir is None else len(trained.reservoir.leak),
         "stopped": _stopped(trained.settings.epochs, asked.settings),
+        "start_from": _start(trained, asked),
         "git_revision": _revision(),
         "configuration": asked.text,
     }

@@ -162,9 +162,8 @@ def test_whatever_is_printed_beside_an_answer_does_no_harm(ros_domain: int, monk
     assert doctor._heard(("reports", 0.1)) == [{}]
 
 
-def test_a_node_that_is_seen_and_not_heard_is_found_by_name(ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_node_that_is_seen_and_not_heard_is_found_by_name(ros_domain: int) -> None:
     """A node that has nothing to say answers when it is asked; one that does not is not heard."""
-    monkeypatch.setattr(doctor, "SENDERS_PATIENCE_S", 3.0)
     with closing(Probe("/left")) as driver:
         driver.node.create_publisher(JointState, "joint_states", 10)
         with ThreadPoolExecutor() as pool:

@@ -111,7 +111,8 @@ def test_a_card_says_whether_the_error_levelled_off(tmp_path, monkeypatch, capsy
     assert "--doublings 1" in report
 
 
-def test_a_partners_arm_is_learned_and_scored_in_metres(tmp_path, capsys):
+def test_a_partners_arm_is_learned_and_scored_in_metres_and_starts_another(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("mild_ros.command_line.train._gestures", lambda interactions: ({}, "none: left out here"))
     tracks = [np.tile(smooth_track(index, 60 + index)[:, :9], 2) for index in range(8)]
     data = write_people(tmp_path / "a.npz", tracks, [index // 2 for index in range(8)])
     out = tmp_path / "made"
@@ -126,6 +127,19 @@ def test_a_partners_arm_is_learned_and_scored_in_metres(tmp_path, capsys):
     assert (printed["dataset"], printed["unit"]) == ("nuisi", "m^2")
     assert 0 < printed["mean_absolute_cm"] < printed["rmse_cm"] < 100
     assert printed["windows"] == sum(60 + index - 4 for index in range(8))
+    heir = f'dataset = "nuisi"\nprotocol = "same"\nstart_from = "{out}"\n'
+    (tmp_path / "heir.toml").write_text(heir + "[settings.prior]\ncomponents = 3\n")
+    again = ("train", "--config", str(tmp_path / "heir.toml"), "--data", str(data), *QUICK, "--out")
+    assert run(*again, str(tmp_path / "heir")) == 0
+    started = load_model(tmp_path / "heir").manifest.training["start_from"]
+    assert started.startswith("made (")
+    assert "decoder." in started
+    assert f"Hidden layers from {started}." in (tmp_path / "heir" / "REPORT.md").read_text()
+    capsys.readouterr()
+    preset = 'preset = "paper"\n[settings.prior]\ncomponents = 3\n'
+    (tmp_path / "heir.toml").write_text(heir + preset)
+    assert run(*again, str(tmp_path / "none")) == 2
+    assert "start_from: no hidden layer of it has the name and size" in capsys.readouterr().err
 
 
 def test_errors_of_another_protocol_are_refused(data, tmp_path, capsys):
