@@ -34,7 +34,9 @@ def test_a_tracker_of_ones_own_is_followed_and_a_script_commands(
     around = Surroundings(probe, "pipeline")
     tracker = subprocess.Popen([sys.executable, EXAMPLES / "my_tracker.py"])
     try:
-        probe.until(lambda: int(around.status()[2].get("perception accepted", "0")) > 10, "a followed arm")
+        probe.until(
+            lambda: around.reports and int(around.status()[2].get("perception accepted", "0")) > 10, "a followed arm"
+        )
         done = subprocess.run(
             [sys.executable, EXAMPLES / "operate.py"], capture_output=True, text=True, timeout=120, check=False
         )
