@@ -25,9 +25,9 @@ from mild_core.signals import JointCommand, JointMeasurement, MotionWindow, Pers
 from mild_ros.clock import NodeClock
 from mild_ros.commanding import Commanding
 from mild_ros.diagnostics import Diagnostics
-from mild_ros.fates import Fates
 from mild_ros.life_topics import LifeTopics
 from mild_ros.messages.stamps import NANOSECONDS_PER_SECOND
+from mild_ros.outcomes import OutcomePublisher
 from mild_ros.settings import RetargetingParameters
 from mild_ros.threads import StageNode
 
@@ -38,7 +38,7 @@ MOTION_PERIOD_S = 0.005
 """A motion is answered at once, but not sooner than this after the one before: models answer at 40 Hz."""
 
 STANDSTILL_S = 0.2
-"""`/clock` that has not advanced for so long stands still; a slow simulation tells the time at 10 Hz."""
+"""`/clock` that has not advanced for so long stands still; a slow simulation publishes at 10 Hz."""
 
 SWITCH_S = 0.0001
 """Python hands its lock to a thread that waits for it after this time, not after 5 ms."""
@@ -134,7 +134,7 @@ class Control:
         stage: Retargeting,
         parameters: RetargetingParameters,
         diagnostics: Diagnostics,
-        outcomes: Fates,
+        outcomes: OutcomePublisher,
         on_reset: Callable[[], None],
         age: str,
         tick_age: str = "",
@@ -311,7 +311,7 @@ class Control:
             if entry.stamp_ns is not None:
                 outcomes.append((self.state.outcome, entry.stamp_ns))
             self._diagnostics.ended("retargeting", self.state.outcome, self.state.counts, self.state.detail)
-        self._life.tell(self.state, commands)
+        self._life.publish(self.state, commands)
         self.commanding.send(commands, self.state)
         if commands:
             self._diagnostics.took("control step", time.perf_counter_ns() - started_ns)

@@ -51,7 +51,7 @@ def _without_server(value: str) -> str:
 
 
 def _udp_ports() -> set[int]:
-    """Ports that somebody on this machine listens at."""
+    """Ports in use on this machine."""
     tables = [Path(name) for name in ("/proc/net/udp", "/proc/net/udp6")]
     lines = [line for table in tables if table.exists() for line in table.read_text().splitlines()[1:]]
     return {int(line.split()[1].rsplit(":", 1)[1], 16) for line in lines}
@@ -113,7 +113,7 @@ VARIABLES: Mapping[str, Variable] = {
 """Every variable that the doctor names when it is set."""
 
 HARMLESS = ("SKIP_DEFAULT_XML_FILE", GIVEN_RMW)
-"""Never the reason that nobody is heard."""
+"""Settings that never prevent discovery."""
 
 
 def given(environment: Mapping[str, str] = os.environ) -> Iterator[tuple[str, str, Variable]]:

@@ -171,7 +171,7 @@ def take_request(state: RetargetingState, given: Request, now_ns: int) -> Retarg
         return replace(state, mode=mode).ended("enabled")
     if given.kind in ("hold", "release"):
         held = given.kind == "hold"
-        # Whoever has their hand up when the robot is released has to raise it anew.
+        # A hand that is up when the robot is released has to be raised again.
         sight = state.sight.at_rest_here() if state.sight is not None and not held else state.sight
         return replace(state, held=held, sight=sight).ended("held" if held else "released")
     state = replace(state, plan=None, pursuit=None, unknown_since_ns=None, holding_since_ns=now_ns)

@@ -68,7 +68,7 @@ def test_a_changed_model_is_unwell(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
     assert not doctor.models().well
 
 
-def test_running_nodes_are_told_of_in_their_own_words(ros_domain: int) -> None:
+def test_running_nodes_are_reported_by_their_diagnostics(ros_domain: int) -> None:
     assert doctor.running_nodes().seen == f"none reports in domain {ros_domain}"
     rclpy.init()
     node = rclpy.create_node("operator")
@@ -92,7 +92,7 @@ def test_running_nodes_are_told_of_in_their_own_words(ros_domain: int) -> None:
     assert finding.seen == f"perception: {problem} (skeleton 4.9 Hz)"
 
 
-NO_SERVER = "127.0.0.1:4"  # a port that nobody but root can have, and no discovery server has
+NO_SERVER = "127.0.0.1:4"  # a port that only root can have, and no discovery server has
 
 
 def test_every_variable_of_dds_is_named_with_what_it_does(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -140,7 +140,7 @@ def test_a_variable_that_makes_nodes_deaf_is_named_as_the_cause(
     monkeypatch.setattr(doctor, "AGAIN_PATIENCE_S", 6.0)
     finding = doctor.discovery()
     assert not finding.well
-    assert finding.remedy.startswith(f"unset ROS_DISCOVERY_SERVER: with ROS_DISCOVERY_SERVER={NO_SERVER} nobody")
+    assert finding.remedy.startswith(f"unset ROS_DISCOVERY_SERVER: with ROS_DISCOVERY_SERVER={NO_SERVER} nothing")
 
 
 NOISY = """
@@ -162,9 +162,8 @@ def test_whatever_is_printed_beside_an_answer_does_no_harm(ros_domain: int, monk
     assert doctor._heard(("reports", 0.1)) == [{}]
 
 
-def test_a_node_that_is_seen_and_not_heard_is_found_by_name(ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_node_that_is_seen_and_not_heard_is_found_by_name(ros_domain: int) -> None:
     """A node that has nothing to say answers when it is asked; one that does not is not heard."""
-    monkeypatch.setattr(doctor, "SENDERS_PATIENCE_S", 3.0)
     with closing(Probe("/left")) as driver:
         driver.node.create_publisher(JointState, "joint_states", 10)
         with ThreadPoolExecutor() as pool:
@@ -202,7 +201,7 @@ def test_another_users_node_is_found_and_the_remedy_works(
         pytest.skip("needs root, to be two users")
     tmp_path.chmod(0o777)
     monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path))
-    # Reads what we read, wherever Python is installed, but opens nobody's shared memory for writing.
+    # Reads what we read, wherever Python is installed, but opens no other user's shared memory for writing.
     reads = ("--inh-caps", "+dac_read_search", "--ambient-caps", "+dac_read_search")
     user = ("setpriv", "--reuid", "54321", "--regid", "54321", "--clear-groups", *reads)
     process = start_simulation(tmp_path / "log", *user, "env", f"HOME={tmp_path}")

@@ -98,7 +98,7 @@ FAULTS = (
     ),
     Fault(
         "the person who is farthest away",
-        "Without anybody watched the one who is farthest from the camera is chosen.",
+        "Without a tracked person the one who is farthest from the camera is chosen.",
         IDENTITY,
         "return min(everyone, key=_distance_from_origin, default=None)",
         "return max(everyone, key=_distance_from_origin, default=None)",
@@ -113,7 +113,7 @@ FAULTS = (
         WHO,
     ),
     Fault(
-        "anybody may have run",
+        "everyone may have run",
         "A body with another number is the watched one however far away it is, once time has passed.",
         IDENTITY,
         "if distance is None or distance > reach_m + same * RUNNING_M_S * hidden_s:",
@@ -122,7 +122,7 @@ FAULTS = (
     ),
     Fault(
         "trunks apart by their worst joint",
-        "One joint that a tracker throws away makes somebody another person.",
+        "One joint that a tracker throws away makes one person another person.",
         IDENTITY,
         "return distances[half] if len(distances) % 2 else",
         "return distances[-1] if len(distances) % 2 else",
@@ -146,7 +146,7 @@ FAULTS = (
     ),
     Fault(
         "a person turned away starts the robot",
-        "Whoever looks elsewhere and greets somebody else is followed.",
+        "A person who looks elsewhere and greets another person is followed.",
         GATE,
         "if float(facing @ to_robot) < math.cos(math.radians(settings.start_facing_deg)):",
         "if float(facing @ to_robot) < -math.cos(math.radians(settings.start_facing_deg)):",
@@ -154,7 +154,7 @@ FAULTS = (
     ),
     Fault(
         "any distance starts the robot",
-        "Somebody across the room is followed.",
+        "A person across the room is followed.",
         GATE,
         "if away_m > settings.start_trunk_m or",
         "if away_m < 0.0 or",
@@ -218,7 +218,7 @@ FAULTS = (
     ),
     Fault(
         "unknown motions are followed",
-        "A motion that nobody performs is followed without an end.",
+        "A motion that no person performs is followed without an end.",
         WATCHDOG,
         "since_ns is None or (now_ns - since_ns) * 1e-9 <= settings.unknown_after_s",
         "since_ns is None or (now_ns - since_ns) * 1e-9 >= 0.0",

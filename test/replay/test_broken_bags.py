@@ -129,7 +129,7 @@ def test_the_journal_of_a_killed_recorder_is_read(tmp_path):
         copy.execute("PRAGMA journal_mode=WAL")
         copy.execute("UPDATE messages SET timestamp = timestamp + 1")
         copy.commit()
-        for name in ("killed.db3", "killed.db3-wal"):  # as it lies there when nobody closes it
+        for name in ("killed.db3", "killed.db3-wal"):  # as it lies there when it is not closed
             shutil.copyfile(killed / name, tmp_path / name)
     assert refused(killed, "has no metadata.yaml")
     with open_bag(tmp_path / "killed.db3", salvage=True) as bag:
@@ -140,7 +140,7 @@ def test_every_broken_bag_is_one_line_or_salvaged():
     outcomes, failures = bag_faults.run(40, seed=0)
     assert failures == []
     endings = {ending for *_, ending in outcomes}
-    assert {"refused, 1 line", "read whole", "salvaged whole", "salvaged, loss told"} <= endings
+    assert {"refused, 1 line", "read whole", "salvaged whole", "salvaged, loss reported"} <= endings
     assert all(ending.endswith(" 1 line") for ending in endings if "line" in ending)
 
 
@@ -168,7 +168,7 @@ def test_a_name_that_no_disk_can_hold_is_refused_and_salvaged(tmp_path):
     assert positions(path, salvage=True) == EXPECTED
 
 
-def test_garbage_in_one_message_is_told_apart_from_a_broken_bag(tmp_path):
+def test_garbage_in_one_message_is_distinguished_from_a_broken_bag(tmp_path):
     with create_bag(tmp_path / "bag") as writer:
         writer.write("/joint_states", JOINT_STATE, 1, b"\x00\x01\x00\x00" + b"\xff" * 40)
     with open_bag(tmp_path / "bag") as bag, pytest.raises(DataError, match="undecodable"):

@@ -38,15 +38,15 @@ def pipeline() -> Pipeline:
 
 @pytest.fixture(scope="module")
 def generated(pipeline: Pipeline) -> Callable[[str], tuple[Story, Episode]]:
-    """What a scene tells retargeting and what comes of it, once for all tests."""
+    """Inputs of retargeting in a scene and its commands, once for all tests."""
 
     @cache
-    def told(interaction: str) -> tuple[Story, Episode]:
+    def recorded(interaction: str) -> tuple[Story, Episode]:
         scene = next(scene for scene in SCENES if scene.name == interaction)
         made = story(pipeline, arm_track(scene), RATE_HZ, interaction)
         return made, play(pipeline.retargeting, made)
 
-    return told
+    return recorded
 
 
 def _check(episode: Episode, within_m: float) -> None:
@@ -80,9 +80,9 @@ def test_hands_of_recorded_people_and_the_robot_meet(pipeline: Pipeline, mild_da
 def test_before_the_approach_the_motion_is_the_learned_one(
     generated: Callable[[str], tuple[Story, Episode]],
 ) -> None:
-    told, episode = generated("parachute")
+    recorded, episode = generated("parachute")
     model = load(PipelineParameters().model)
-    learned = play(make_retargeting(PipelineParameters(ik="off"), model.manifest), told)
+    learned = play(make_retargeting(PipelineParameters(ik="off"), model.manifest), recorded)
     assert episode.before_deg(learned) < 5.0
 
 

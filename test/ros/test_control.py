@@ -219,8 +219,8 @@ def test_a_node_that_ends_brings_the_robot_to_rest_first(
 
 
 class Two:
-    """Two pipelines that believe to command one robot: by the place where each is told the robot is, their commands
-    can be told apart."""
+    """Two pipelines that believe to command one robot: by the place where each gets the robot's state, their commands
+    can be distinguished."""
 
     def __init__(self, probe: Probe, start: Callable[..., NodeProcess], model: Path) -> None:
         self.probe, self._start, self._model = probe, start, model
@@ -251,8 +251,8 @@ class Two:
         """For how long both sent."""
         if not all(self.sent.values()):
             return 0.0
-        begun = max(times[0] for times in self.sent.values())
-        return max(0.0, min(times[-1] for times in self.sent.values()) - begun)
+        started = max(times[0] for times in self.sent.values())
+        return max(0.0, min(times[-1] for times in self.sent.values()) - started)
 
     def yields(self, name: str, other: str) -> bool:
         """Whether a node says that it sends nothing, and for whose sake."""

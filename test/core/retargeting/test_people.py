@@ -13,7 +13,7 @@ import pytest
 from mild_core.retargeting.chain import chain_of, nearest_points
 from mild_core.retargeting.guard import Guard
 from mild_core.retargeting.modes import Mode
-from mild_core.retargeting.obstacles import KEPT_S, NOBODY, Crowd, obstacles_of
+from mild_core.retargeting.obstacles import KEPT_S, NO_ONE, Crowd, obstacles_of
 from mild_core.retargeting.person import Standing
 from mild_core.retargeting.robots.yumi import YUMI
 from mild_core.retargeting.stage import (
@@ -172,7 +172,7 @@ def test_a_bystander_within_reach_slows_the_arm_everywhere() -> None:
         run.live(0.5, others=others)
         run.live(1.5, MET_M + 0.3 * UP, AWAY + 0.5, others)
         guard = Guard(YUMI, run.retargeting.settings)
-        speeds = [guard.arm_speed(one.positions_rad, one.velocities_rad_s, NOBODY) for one in run.commands]
+        speeds = [guard.arm_speed(one.positions_rad, one.velocities_rad_s, NO_ONE) for one in run.commands]
         peaks.append(max(speeds))
     assert peaks[0] > 1.0
     assert peaks[1] <= 0.8
@@ -238,7 +238,7 @@ def test_the_arm_gives_way_to_a_head_that_comes_and_goes_home_afterwards(mode: s
     assert np.abs(run.last.positions_rad - YUMI.home_rad).max() < 1e-6, run.last.mode
 
 
-def test_an_operators_hold_stands_still_whoever_comes() -> None:
+def test_an_operators_hold_stands_still_for_every_person() -> None:
     run = Around()
     run.live(0.5)
     run.give(Request("hold"))
@@ -263,7 +263,7 @@ def test_people_stay_where_they_were_when_the_tracker_falls_silent() -> None:
 
 
 @pytest.mark.parametrize("allowed", [False, True])
-def test_an_unmeasured_camera_is_told_and_hands_touch_only_where_that_is_allowed(allowed: bool) -> None:
+def test_an_unmeasured_camera_is_reported_and_hands_touch_only_where_that_is_allowed(allowed: bool) -> None:
     run = Around(RetargetingSettings(allow_unmeasured_contact=allowed))
     run.frame_id = ARM_FRAME
     run.live(0.5)
@@ -278,14 +278,14 @@ def test_an_unmeasured_camera_is_told_and_hands_touch_only_where_that_is_allowed
     assert run.state.notices(run.now_ns) == ()
 
 
-def test_an_unmeasured_camera_is_told_before_anybody_is_seen() -> None:
-    def told(measured: bool | None, standing: Standing = STANDING, **settings: Any) -> tuple[str, ...]:
+def test_an_unmeasured_camera_is_reported_before_a_person_is_seen() -> None:
+    def reasons(measured: bool | None, standing: Standing = STANDING, **settings: Any) -> tuple[str, ...]:
         return Retargeting(YUMI, RetargetingSettings(**settings), standing, measured).init().notices(0)
 
-    assert told(False) == (f"no contact: {UNMEASURED}",)
-    assert told(True) == told(None) == ()
-    assert told(False, allow_unmeasured_contact=True) == (ASSUMED,)
-    assert told(False, replace(STANDING, by_interaction={})) == (UNMEASURED,), "nothing touches"
+    assert reasons(False) == (f"no contact: {UNMEASURED}",)
+    assert reasons(True) == reasons(None) == ()
+    assert reasons(False, allow_unmeasured_contact=True) == (ASSUMED,)
+    assert reasons(False, replace(STANDING, by_interaction={})) == (UNMEASURED,), "nothing touches"
     run = Around()
     run.retargeting = Retargeting(YUMI, run.retargeting.settings, STANDING, camera_measured=False)
     run.state = run.retargeting.init()

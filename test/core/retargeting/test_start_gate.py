@@ -23,7 +23,7 @@ SHOULDER_M = {"right": CHEST_M - 0.18 * LEFT, "left": CHEST_M + 0.18 * LEFT}
 
 
 def person(side: str, hand_m: np.ndarray, raised_s: float = 1.0) -> tuple[Sight, Crowd]:
-    """Somebody who has raised the hand of a side for so long; the other arm hangs."""
+    """A person who has raised the hand of a side for so long; the other arm hangs."""
     parts: dict[str, tuple[np.ndarray, np.ndarray]] = {"trunk": (CHEST_M, CHEST_M - 0.55 * UP)}
     for each, shoulder in SHOULDER_M.items():
         hand = hand_m if each == side else shoulder - 0.6 * UP
