@@ -5,7 +5,8 @@ Whatever retargeting takes goes through a bounded inbox in which the newest wins
 of the operator are never dropped and are served at once, `~/hold` before all else: its requests lie in DDS until this
 thread takes them, at least once in a control period, however many other calls wait. Live, ticks come from the steady
 clock. With `use_sim_time` they come from `/clock`; when that stands still while the robot moves, the robot is stopped
-on the steady clock. The thread has real-time priority where that is allowed. In lock-step there is no thread: each input is taken where it comes (`StageNode.is_in_order`).
+on the steady clock. The thread has real-time priority where that is allowed. In lock-step there is no thread: each
+input is taken where it comes (`StageNode.is_in_order`).
 """
 
 from __future__ import annotations

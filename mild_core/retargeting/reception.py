@@ -55,8 +55,8 @@ def take_motion(
     # A hand that is back at its rest ends what was followed: the robot goes home, and does not hold as for the unknown.
     ended = given.state == RESTING and state.mode is Mode.FOLLOWING
     # An offered hand has no name yet: whether the robot sets off for one depends on the person, see `start_gate.py`.
-    told = bool(given.interaction) or given.state == OFFERED
-    if not ended and (not told or given.out_of_distribution > bound):
+    is_some = bool(given.interaction) or given.state == OFFERED
+    if not ended and (not is_some or given.out_of_distribution > bound):
         since_ns = now_ns if state.unknown_since_ns is None else state.unknown_since_ns
         return replace(state, unknown_since_ns=since_ns).ended("unknown")
     return replace(state, plan=plan, unknown_since_ns=None).ended("accepted")
