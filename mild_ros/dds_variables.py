@@ -63,6 +63,8 @@ def _udp_ports() -> set[int]:
 
 
 def _no_range(value: str) -> str:
+    if os.environ.get("ROS_LOCALHOST_ONLY") == "1":
+        return ""  # it counts more
     if value.upper() == "OFF":
         return "no node finds another: unset it, or set LOCALHOST or SUBNET"
     return "" if value.upper() in RANGES else f"no range: set one of {', '.join(RANGES)}"

@@ -31,6 +31,7 @@ from mild_ros.share import model_folder, model_names
 from mild_ros.simulation.quiet import quiet_terminal
 
 SEE = "see docs/troubleshooting.md"
+SAME = "as for Discovery"
 
 PYTHONS = ((3, 11), (3, 12))
 LEAST_SHARED_MEMORY_MB = 16
@@ -112,9 +113,9 @@ def distribution() -> Finding:
 
 def domain() -> Finding:
     """Who may hear us."""
-    given = os.environ.get("ROS_DOMAIN_ID", "0")
-    reach = os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET")
-    well = given.isdigit() and (int(given) == 0 or int(given) in DOMAINS)
+    given = os.environ.get("ROS_DOMAIN_ID") or "0"
+    reach = os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE") or "SUBNET"
+    well = given.isdecimal() and (int(given) == 0 or int(given) in DOMAINS)
     seen = f"{given}, discovery range {reach}"
     return Finding("ROS_DOMAIN_ID", well, seen, f"choose one from 0 to {DOMAINS[-1]}, the same on every machine")
 
@@ -228,7 +229,7 @@ def reception() -> Finding:
     """Whether what other nodes of this domain publish arrives: seen and not heard is another user, or a container."""
     (found,) = _heard(("senders", SENDERS_PATIENCE_S))
     if not isinstance(found, dict):
-        return Finding("Running nodes heard", False, str(found), _first() or SEE)
+        return Finding("Running nodes heard", False, str(found), _first() or SAME)
     strangers = _strangers()
     unheard = {name: sender["publishes"] for name, sender in found.items() if _is_unheard(name, sender, strangers)}
     if not unheard:
@@ -272,7 +273,7 @@ def other_machines() -> Finding:
     """Whether a doctor on another machine is heard; only when it is asked for."""
     (names,) = _heard(("hello", platform.node(), MACHINES_PATIENCE_S))
     if isinstance(names, str):
-        return Finding("Other machines", False, names, _first() or SEE)
+        return Finding("Other machines", False, names, _first() or SAME)
     seen = f"{platform.node()} hears {', '.join(names)}" if names else f"none heard in {MACHINES_PATIENCE_S:.0f} s"
     remedy = (
         "run it on both at once; the same ROS_DOMAIN_ID, range SUBNET and multicast on both,"
@@ -285,9 +286,9 @@ def running_nodes() -> Finding:
     """What the nodes of this domain say of themselves: rates, frames and all else that is wrong."""
     (found,) = _heard(("reports", REPORT_PATIENCE_S))
     if not isinstance(found, dict):
-        return Finding("Running nodes", False, str(found), _first() or SEE)
+        return Finding("Running nodes", False, str(found), _first() or SAME)
     if not found:
-        where = os.environ.get("ROS_DOMAIN_ID", "0")
+        where = os.environ.get("ROS_DOMAIN_ID") or "0"
         return Finding("Running nodes", True, f"none reports in domain {where}")
     told = {}
     for name, report in found.items():

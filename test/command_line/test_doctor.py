@@ -39,8 +39,9 @@ def test_two_processes_hear_each_other_and_the_rest_is_well(ros_domain: int) -> 
 def test_a_domain_whose_ports_do_not_exist_is_unwell(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_DOMAIN_ID", "233")
     assert not doctor.domain().well
-    monkeypatch.setenv("ROS_DOMAIN_ID", "7")
-    assert doctor.domain().well
+    for domain in ("7", ""):
+        monkeypatch.setenv("ROS_DOMAIN_ID", domain)
+        assert doctor.domain().well
 
 
 def test_another_distribution_or_two_at_once_are_unwell(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -144,6 +145,12 @@ def test_a_value_that_keeps_nodes_apart_is_unwell(
 )
 def test_what_dds_takes_is_well(name: str, value: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(name, value)
+    assert doctor.environment().well
+
+
+def test_a_range_counts_less_than_localhost_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")
+    monkeypatch.setenv("ROS_LOCALHOST_ONLY", "1")
     assert doctor.environment().well
 
 
