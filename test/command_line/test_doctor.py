@@ -122,7 +122,11 @@ def test_every_variable_of_dds_is_named_with_what_it_does(monkeypatch: pytest.Mo
         ("FASTDDS_DEFAULT_PROFILES_FILE", "/nowhere/profile.xml", "no such file"),
         ("ROS_SECURITY_ENABLE", "true", "there is no keystore"),
         ("ROS_STATIC_PEERS", "127.0.0.1;" + 70 * "a", f"'{70 * 'a'}' is no IPv4 address and no name known here"),
-        ("FASTDDS_BUILTIN_TRANSPORTS", "UPDv4", "knows no such transports and takes its own: set one of DEFAULT"),
+        (
+            "FASTDDS_BUILTIN_TRANSPORTS",
+            "UPDv4",
+            "Fast DDS knows no such transports and takes its own: set one of",
+        ),
         ("FASTDDS_DEFAULT_PROFILES_FILE", __file__, "cannot be read (not well-formed"),
     ],
 )
