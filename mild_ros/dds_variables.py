@@ -86,7 +86,7 @@ def _no_profile(value: str) -> str:
 
 
 def _no_peer(value: str) -> str:
-    """A machine whose address nobody knows: no node starts then."""
+    """A machine whose address cannot be found: no node starts then."""
     for peer in filter(None, value.split(";")):
         try:
             socket.getaddrinfo(peer, None, socket.AF_INET)

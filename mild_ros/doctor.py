@@ -200,10 +200,10 @@ def _loopback_flags() -> int:
     """Flags of the interface `lo`; 0 where there is none. Source: netdevice(7)."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
         try:
-            told = fcntl.ioctl(any_socket, _GET_FLAGS, struct.pack("16sh", b"lo", 0))
+            answer = fcntl.ioctl(any_socket, _GET_FLAGS, struct.pack("16sh", b"lo", 0))
         except OSError:
             return 0
-    return int(struct.unpack_from("h", told, 16)[0])
+    return int(struct.unpack_from("h", answer, 16)[0])
 
 
 def _deaf(patience_s: float, environment: Mapping[str, str]) -> str | None:

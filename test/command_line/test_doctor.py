@@ -158,7 +158,7 @@ def test_a_range_counts_less_than_localhost_only(monkeypatch: pytest.MonkeyPatch
     assert doctor.environment().well
 
 
-def test_what_keeps_every_node_from_starting_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_keeps_every_node_from_starting_is_reported_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Not as four findings with a remedy of their own each."""
     monkeypatch.setenv("ROS_DOMAIN_ID", "mine")
     monkeypatch.setattr(doctor, "_heard", lambda *questions, **given: ["ROS_DOMAIN_ID is no number"] * len(questions))
@@ -191,7 +191,7 @@ LOCAL_RANGE = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
         (0x1001, LOCAL_RANGE, "let a firewall pass UDP from port 7400 up on lo, and to 239.255.0.1"),
     ],
 )
-def test_whoever_is_deaf_is_told_what_is_not_so_yet(
+def test_the_remedy_of_a_deaf_process_is_what_is_missing(
     flags: int, environment: dict[str, str], remedy: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert doctor._loopback_flags() & 0x1, "what talks in these tests needs it"

@@ -443,7 +443,7 @@ FAULTS = (
     ),
     Fault(
         "what lies in place of a bag is garbage",
-        "An archive or a pointer of Git LFS is not told from a broken bag.",
+        "An archive or a pointer of Git LFS is not distinguished from a broken bag.",
         "mild_ros/bag_kinds.py",
         "if head.lstrip().startswith(magic):",
         "if head == magic:",
@@ -499,7 +499,7 @@ FAULTS = (
     ),
     Fault(
         "one cause, four findings",
-        "What keeps all nodes from starting is told as a fault of discovery.",
+        "What keeps all nodes from starting is reported as a fault of discovery.",
         "mild_ros/doctor.py",
         "for finding in (domain(), log_folder())",
         "for finding in (log_folder(),)",
@@ -507,7 +507,7 @@ FAULTS = (
     ),
     Fault(
         "any name is a peer",
-        "A static peer that nobody knows, with which no node starts, is well.",
+        "A static peer without an address, with which no node starts, is well.",
         "mild_ros/dds_variables.py",
         '"nodes of these machines are looked for too", _no_peer)',
         '"nodes of these machines are looked for too")',

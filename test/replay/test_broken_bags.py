@@ -69,7 +69,7 @@ NO_BAGS = [
 
 
 @pytest.mark.parametrize(("text", "name", "words"), NO_BAGS, ids=[f"{name} {words[:20]}" for _, name, words in NO_BAGS])
-def test_where_nothing_can_be_salvaged_nobody_is_sent_to_salvage(tmp_path, text, name, words):
+def test_salvage_is_not_suggested_where_nothing_can_be_salvaged(tmp_path, text, name, words):
     file = made(text, name, tmp_path)
     for salvage in (False, True):
         assert "--salvage" not in refused(file, words, salvage=salvage)
