@@ -39,8 +39,8 @@ ASIDE_M, BEHIND_M = 0.3, 0.3
 that greet come towards the middle of the body: in the recordings none was outside by more than 0.1 m."""
 
 WALKS_M_S = 0.3
-"""Whoever moves their trunk faster than this swings their arms: their hand needs a name. Standing people sway by less
-than 0.1 m/s; slow walking is 0.6."""
+"""People whose trunk moves faster than this swing their arms, so that their hand needs a name. Standing people
+sway by less than 0.1 m/s; slow walking is 0.6."""
 
 ARM_M = 0.6
 """A hand at rest hangs this far below its shoulder, where the shoulder is not seen."""

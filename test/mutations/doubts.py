@@ -169,7 +169,7 @@ FAULTS = (
         STARTS,
     ),
     Fault(
-        "a hand without a name starts the robot for whoever walks",
+        "a hand without a name starts the robot for people who walk",
         "The arms of people who walk by swing: that is no greeting.",
         GATE,
         "float(np.linalg.norm(trunks[0].mean(axis=0))) < WALKS_M_S",
@@ -178,7 +178,7 @@ FAULTS = (
     ),
     Fault(
         "a hand without a name starts the robot where facing is not judged",
-        "Without a camera that is measured nobody knows for whom a hand is raised.",
+        "Without a camera that is measured it is unknown for whom a hand is raised.",
         GATE,
         "if sight.frame_id != ROBOT_FRAME or crowd is None or not np.isfinite(crowd.facing).all():",
         "if crowd is None:",

@@ -426,7 +426,7 @@ def test_a_hand_that_is_offered_is_answered_gently_before_it_has_a_name() -> Non
     assert run.last.mode == "holding", "in the end it was none"
 
 
-@pytest.mark.parametrize("why", ["not measured", "facing unknown", "walks", "nobody tells"])
+@pytest.mark.parametrize("why", ["not measured", "facing unknown", "walks", "no evidence"])
 def test_a_hand_without_a_name_starts_nothing_of_people_who_are_not_seen_to_stand_facing_the_robot(why: str) -> None:
     run = Around()
     if why == "not measured":
@@ -435,7 +435,7 @@ def test_a_hand_without_a_name_starts_nothing_of_people_who_are_not_seen_to_stan
         run.facing = NOT_SEEN
     elif why == "walks":
         run.walks_m_s = 0.5 * TO_ROBOT
-    if why == "nobody tells":
+    if why == "no evidence":
         run.wait(0.6, YUMI.home_rad, interaction="", state=RESTING)
         run.wait(1.0, AWAY, interaction="", state=OFFERED)
         assert run.last.mode == "idle"
