@@ -39,7 +39,7 @@ from mild_ros.bag_kinds import begins_as, nothing_in, storages
 from mild_ros.bag_types import Layouts, current_name, jazzy_types
 from mild_ros.salvage import refusal, rewritten
 from mild_ros.salvage import salvage as save_what_is_left
-from mild_ros.salvage_mcap import tells_enough
+from mild_ros.salvage_mcap import is_indexed
 
 __all__ = ["BagReader", "RawMessage", "TopicSummary", "jazzy_types", "open_bag", "topic_of_type"]
 
@@ -55,7 +55,7 @@ class TopicSummary:
     Attributes:
         type_name: Of its messages, by the name of today, e.g. `sensor_msgs/msg/JointState`.
         count: How many it holds.
-        latched: Whether the last one waits for whoever comes late.
+        latched: Whether the topic is latched (transient local).
     """
 
     type_name: str
@@ -299,7 +299,7 @@ def _check_counts(path: Path, reader: Ros2Reader) -> None:
         said = f"metadata.yaml announces {reader.message_count} messages, its files hold {stored}"
         raise BagError(str(path), said, SALVAGE)
     for storage in storages:
-        if isinstance(storage, McapReader) and not tells_enough(storage):
+        if isinstance(storage, McapReader) and not is_indexed(storage):
             raise BagError(
                 str(path), "has a summary that leaves out channels, counts or the order of messages", SALVAGE
             )
@@ -313,7 +313,7 @@ def _definition(connection: Connection) -> tuple[str, str, bool]:
 
 
 def _is_latched(connection: Connection) -> bool:
-    """Whether the last message of a topic waits for whoever comes late."""
+    """Whether a topic is latched (transient local)."""
     if isinstance(connection.ext, ConnectionExtRosbag1):
         return bool(connection.ext.latching)
     return any(qos.durability == QosDurability.TRANSIENT_LOCAL for qos in connection.ext.offered_qos_profiles)

@@ -56,7 +56,7 @@ def _without_server(value: str) -> str:
 
 
 def _udp_ports() -> set[int]:
-    """Ports that somebody on this machine listens at."""
+    """Ports in use on this machine."""
     tables = [Path(name) for name in ("/proc/net/udp", "/proc/net/udp6")]
     lines = [line for table in tables if table.exists() for line in table.read_text().splitlines()[1:]]
     return {int(line.split()[1].rsplit(":", 1)[1], 16) for line in lines}
@@ -86,7 +86,7 @@ def _no_profile(value: str) -> str:
 
 
 def _no_peer(value: str) -> str:
-    """A machine whose address nobody knows: no node starts then."""
+    """A machine whose address cannot be found: no node starts then."""
     for peer in filter(None, value.split(";")):
         try:
             socket.getaddrinfo(peer, None, socket.AF_INET)
@@ -149,7 +149,7 @@ VARIABLES: Mapping[str, Variable] = {
 """Every variable that the doctor names when it is set."""
 
 HARMLESS = ("SKIP_DEFAULT_XML_FILE", GIVEN_RMW)
-"""Never the reason that nobody is heard."""
+"""Settings that never prevent discovery."""
 
 
 def given(environment: Mapping[str, str] = os.environ) -> Iterator[tuple[str, str, Variable]]:

@@ -25,9 +25,9 @@ from typing import Any
 
 from mild_core.errors import MildError
 from mild_core.inference.model import load_model
+from mild_core.resources import model_folder, model_names
 from mild_ros.dds_variables import HARMLESS, PAIRED, PROFILES_HERE, UNNAMED, given
 from mild_ros.processes import DOMAINS, PYTHON, shared_memory_owners
-from mild_ros.share import model_folder, model_names
 from mild_ros.simulation.quiet import quiet_terminal
 
 SEE = "see docs/troubleshooting.md"
@@ -86,7 +86,7 @@ def libraries() -> Finding:
     ros = ("rclpy",) if has_ros() else ()  # where there is none, `distribution` says so
     for name in (*ros, "numpy", "numba", "ruckig", "pybullet", "rosbags", "safetensors", "viser", "matplotlib"):
         try:
-            with quiet_terminal():  # pybullet tells when it was built
+            with quiet_terminal():  # pybullet prints when it was built
                 import_module(name)
         except ImportError as error:
             missing.append(f"{name} ({error})")
@@ -148,15 +148,17 @@ def log_folder() -> Finding:
 
 
 def environment() -> Finding:
-    """What the environment tells DDS, variable by variable."""
-    told, wrong = [], []
+    """DDS settings in the environment, variable by variable."""
+    found_settings, wrong = [], []
     for name, value, variable in given():
         problem = variable.problem(value)
-        told.append(f"{name}={value} ({problem or variable.does})")
+        found_settings.append(f"{name}={value} ({problem or variable.does})")
         wrong += [f"{name}: {problem}"] * bool(problem)
     if not os.environ.get("SKIP_DEFAULT_XML_FILE"):
-        told += [f"{name} in this folder (settings of Fast DDS)" for name in PROFILES_HERE if Path(name).is_file()]
-    seen = "; ".join(told) or "nothing is set that changes DDS"
+        found_settings += [
+            f"{name} in this folder (settings of Fast DDS)" for name in PROFILES_HERE if Path(name).is_file()
+        ]
+    seen = "; ".join(found_settings) or "nothing is set that changes DDS"
     return Finding("DDS settings", not wrong, seen, "; ".join(wrong))
 
 
@@ -171,7 +173,9 @@ def discovery() -> Finding:
     remedy = _to_be_heard(flags)
     if flags & _IS_UP and (culprits := _culprits()):
         named = " and ".join(f"{name}={os.environ[name]}" for name in culprits)
-        remedy = f"unset {' '.join(culprits)}: with {named} nobody is heard, without it two processes hear each other"
+        remedy = (
+            f"unset {' '.join(culprits)}: with {named} nothing is received, without it two processes hear each other"
+        )
     return Finding("Discovery", False, said, remedy)
 
 
@@ -196,10 +200,10 @@ def _loopback_flags() -> int:
     """Flags of the interface `lo`; 0 where there is none. Source: netdevice(7)."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
         try:
-            told = fcntl.ioctl(any_socket, _GET_FLAGS, struct.pack("16sh", b"lo", 0))
+            answer = fcntl.ioctl(any_socket, _GET_FLAGS, struct.pack("16sh", b"lo", 0))
         except OSError:
             return 0
-    return int(struct.unpack_from("h", told, 16)[0])
+    return int(struct.unpack_from("h", answer, 16)[0])
 
 
 def _deaf(patience_s: float, environment: Mapping[str, str]) -> str | None:
@@ -290,13 +294,13 @@ def running_nodes() -> Finding:
     if not found:
         where = os.environ.get("ROS_DOMAIN_ID") or "0"
         return Finding("Running nodes", True, f"none reports in domain {where}")
-    told = {}
+    lines = {}
     for name, report in found.items():
         rates = {key: value for key, value in report["values"].items() if key.endswith(" rate [Hz]")}
         flowing = ", ".join(f"{key.removesuffix(' rate [Hz]')} {value} Hz" for key, value in rates.items())
-        told[name] = f"{name}: {report['message']}" + (f" ({flowing})" if flowing else "")
-    unwell = [told[name] for name, report in found.items() if report["level"]]
-    return Finding("Running nodes", not unwell, "; ".join(unwell or told.values()), SEE)
+        lines[name] = f"{name}: {report['message']}" + (f" ({flowing})" if flowing else "")
+    unwell = [lines[name] for name, report in found.items() if report["level"]]
+    return Finding("Running nodes", not unwell, "; ".join(unwell or lines.values()), SEE)
 
 
 def _heard(*questions: tuple[object, ...], environment: Mapping[str, str] | None = None) -> list[Any]:
@@ -346,7 +350,7 @@ WITHOUT_ROS: tuple[Callable[[], Finding], ...] = (python, libraries, distributio
 
 
 LISTENING = (discovery, reception, running_nodes)
-"""These wait for others, in processes of their own: they are begun first, and all at once."""
+"""These wait for others, in processes of their own: they are started first, and all at once."""
 
 
 @contextmanager
@@ -356,6 +360,6 @@ def examinations(*, machines: bool = False) -> Iterator[tuple[Callable[[], Findi
         yield WITHOUT_ROS
         return
     with ThreadPoolExecutor() as pool:
-        begun = {one: pool.submit(one) for one in LISTENING}
-        found = tuple(begun[one].result if one in begun else one for one in EXAMINATIONS)
+        started = {one: pool.submit(one) for one in LISTENING}
+        found = tuple(started[one].result if one in started else one for one in EXAMINATIONS)
         yield (*found, other_machines) if machines else found

@@ -109,12 +109,12 @@ class OperatorClient:
         """Publish a text once, to all who listen; returns how many.
 
         Raises:
-            SetupError: Nobody does.
+            SetupError: No node does.
         """
         publisher = self._node.create_publisher(String, topic, 10)
         self._until(lambda: publisher.get_subscription_count() > 0, DISCOVERY_S)
         if not publisher.get_subscription_count():
-            problem = f"nobody listens in ROS domain {domain_id()} within {DISCOVERY_S:g} s"
+            problem = f"no node listens in ROS domain {domain_id()} within {DISCOVERY_S:g} s"
             raise SetupError(topic, problem, "start ./mild record first; same ROS_DOMAIN_ID? see ./mild doctor")
         self._until(lambda: False, SETTLE_S)
         publisher.publish(String(data=text))

@@ -21,10 +21,10 @@ from mild_core.errors import SetupError
 from mild_ros.local_dds import local_environment
 
 DOMAINS = range(1, 102)
-"""Above it the ports of a domain reach into those that Linux hands out to anybody (32768 and up)."""
+"""Above it the ports of a domain reach into those that Linux hands out to any process (32768 and up)."""
 
 DOMAIN_LOCK = "\0mild_ros-domain-{}"
-"""Abstract name of the socket of whoever has a domain: runs and test sessions keep out of each other's way.
+"""Abstract name of the socket that reserves a domain: runs and test sessions keep out of each other's way.
 
 It is no file, so it belongs to no user, needs no permission and ends with its process; and it is seen exactly where a
 domain's ports are, in one network namespace. Source: unix(7).
@@ -87,7 +87,7 @@ def hold_domain() -> tuple[int, socket.socket]:
 def shared_memory_owners() -> dict[int, set[int]]:
     """Who has, or has left, the shared memory of each domain's ports: numbers of users by domain.
 
-    Nobody opens another user's, so where there is some, messages of shared memory get lost.
+    A process cannot open another user's, so messages through shared memory are dropped where there is some.
     """
     found: dict[int, set[int]] = {}
     for path in Path("/dev/shm").glob("fastrtps_port*"):
@@ -99,7 +99,7 @@ def shared_memory_owners() -> dict[int, set[int]]:
 
 
 def _domains_in_use() -> set[int]:
-    """Domains whose ports somebody has bound."""
+    """Domains whose ports are bound."""
     found = set()
     for table in ("/proc/net/udp", "/proc/net/udp6"):
         lines = Path(table).read_text().splitlines()[1:] if Path(table).exists() else []

@@ -24,7 +24,7 @@ from mild_ros.bag_budgets import METADATA_BYTES, OverBudgetError, check_scratch
 from mild_ros.bag_kinds import begins_as, nothing_in, storages
 from mild_ros.bag_types import Convert, Layouts, current_name
 from mild_ros.salvage_found import ROS1_ENCODING, Found, Loss, unpacked
-from mild_ros.salvage_mcap import is_whole, mcap_messages, tells_enough
+from mild_ros.salvage_mcap import is_indexed, is_whole, mcap_messages
 from mild_ros.salvage_sqlite import sqlite_messages
 
 _PACKED = (".zstd", ".zst")
@@ -77,7 +77,7 @@ def salvage(path: Path, scratch: Path, most: float = inf) -> Salvaged:
             raise nothing_in(path)
     announced = _announced(path / "metadata.yaml") if path.is_dir() else None
     foreign = sum(loss.foreign.values())
-    lost = _told(loss, written.saved + foreign, announced)
+    lost = _loss_text(loss, written.saved + foreign, announced)
     whole = not lost
     if foreign:
         encodings = ", ".join(f"{count} in {name}" for name, count in loss.foreign.items())
@@ -136,7 +136,7 @@ def _needs_rewriting(file: Path) -> bool:
     except Exception:  # what it throws on what it does not know
         return True
     try:
-        return not tells_enough(reader)
+        return not is_indexed(reader)
     finally:
         reader.close()
 
@@ -159,7 +159,7 @@ def _announced(metadata: Path) -> int | None:
     return int(found.group(1)) if found else None
 
 
-def _told(loss: Loss, saved: int, announced: int | None) -> str:
+def _loss_text(loss: Loss, saved: int, announced: int | None) -> str:
     if announced is not None and announced > saved:
         return f"{announced - saved} of {announced} messages are lost"
     parts = [f"at least {loss.messages} messages are lost"] if loss.messages else []
@@ -179,7 +179,7 @@ class _Rewriting:
         self._layouts = Layouts()
 
     def add(self, found: Found, loss: Loss) -> None:
-        """Write a message; one of a type that nobody knows is lost."""
+        """Write a message; one of an unknown type is left out."""
         key = found.topic, found.type_name, found.definition, found.encoding
         if key not in self._connections:
             self._connections[key] = self._connection(found)

@@ -27,7 +27,7 @@ ROUNDED_RAD = 0.01
 """Home may lie this far outside of limits that a description has rounded."""
 
 PATIENCE_S = 10.0
-"""How long to wait for a description: its publisher keeps it for late comers."""
+"""How long to wait for a description, whose topic is latched [s]."""
 
 
 def make_robot(given: str, description: str = "") -> RobotModel:

@@ -69,7 +69,7 @@ def test_a_changed_model_is_unwell(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
     assert not doctor.models().well
 
 
-def test_running_nodes_are_told_of_in_their_own_words(ros_domain: int) -> None:
+def test_running_nodes_are_reported_by_their_diagnostics(ros_domain: int) -> None:
     assert doctor.running_nodes().seen == f"none reports in domain {ros_domain}"
     rclpy.init()
     node = rclpy.create_node("operator")
@@ -93,7 +93,7 @@ def test_running_nodes_are_told_of_in_their_own_words(ros_domain: int) -> None:
     assert finding.seen == f"perception: {problem} (skeleton 4.9 Hz)"
 
 
-NO_SERVER = "127.0.0.1:4"  # a port that nobody but root can have, and no discovery server has
+NO_SERVER = "127.0.0.1:4"  # a port that only root can have, and no discovery server has
 
 
 def test_every_variable_of_dds_is_named_with_what_it_does(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -158,7 +158,7 @@ def test_a_range_counts_less_than_localhost_only(monkeypatch: pytest.MonkeyPatch
     assert doctor.environment().well
 
 
-def test_what_keeps_every_node_from_starting_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_keeps_every_node_from_starting_is_reported_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Not as four findings with a remedy of their own each."""
     monkeypatch.setenv("ROS_DOMAIN_ID", "mine")
     monkeypatch.setattr(doctor, "_heard", lambda *questions, **given: ["ROS_DOMAIN_ID is no number"] * len(questions))
@@ -176,7 +176,7 @@ def test_a_variable_that_makes_nodes_deaf_is_named_as_the_cause(
     monkeypatch.setattr(doctor, "AGAIN_PATIENCE_S", 6.0)
     finding = doctor.discovery()
     assert not finding.well
-    assert finding.remedy.startswith(f"unset ROS_DISCOVERY_SERVER: with ROS_DISCOVERY_SERVER={NO_SERVER} nobody")
+    assert finding.remedy.startswith(f"unset ROS_DISCOVERY_SERVER: with ROS_DISCOVERY_SERVER={NO_SERVER} nothing")
 
 
 LOCAL_RANGE = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
@@ -191,7 +191,7 @@ LOCAL_RANGE = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
         (0x1001, LOCAL_RANGE, "let a firewall pass UDP from port 7400 up on lo, and to 239.255.0.1"),
     ],
 )
-def test_whoever_is_deaf_is_told_what_is_not_so_yet(
+def test_the_remedy_of_a_deaf_process_is_what_is_missing(
     flags: int, environment: dict[str, str], remedy: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert doctor._loopback_flags() & 0x1, "what talks in these tests needs it"
@@ -223,9 +223,8 @@ def test_whatever_is_printed_beside_an_answer_does_no_harm(ros_domain: int, monk
     assert doctor._heard(("reports", 0.1)) == [{}]
 
 
-def test_a_node_that_is_seen_and_not_heard_is_found_by_name(ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_node_that_is_seen_and_not_heard_is_found_by_name(ros_domain: int) -> None:
     """A node that has nothing to say answers when it is asked; one that does not is not heard."""
-    monkeypatch.setattr(doctor, "SENDERS_PATIENCE_S", 3.0)
     with closing(Probe("/left")) as driver:
         driver.node.create_publisher(JointState, "joint_states", 10)
         with ThreadPoolExecutor() as pool:
@@ -263,7 +262,7 @@ def test_another_users_node_is_found_and_the_remedy_works(
         pytest.skip("needs root, to be two users")
     tmp_path.chmod(0o777)
     monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path))
-    # Reads what we read, wherever Python is installed, but opens nobody's shared memory for writing.
+    # Reads what we read, wherever Python is installed, but opens no other user's shared memory for writing.
     reads = ("--inh-caps", "+dac_read_search", "--ambient-caps", "+dac_read_search")
     user = ("setpriv", "--reuid", "54321", "--regid", "54321", "--clear-groups", *reads)
     process = start_simulation(tmp_path / "log", *user, "env", f"HOME={tmp_path}")

@@ -82,7 +82,7 @@ FAULTS = (
         MESSAGES,
     ),
     Fault(
-        "velocities that nobody said",
+        "velocities that were not given",
         "A command without velocities takes its positions for them.",
         "mild_ros/messages/joint_state.py",
         "velocities = np.zeros(len(names))",
@@ -163,7 +163,7 @@ FAULTS = (
     ),
     Fault(
         "late joints replace new ones",
-        "A joint of the frame before takes the place of the one that came anew.",
+        "A joint of the frame before takes the place of the one that came again.",
         "mild_ros/messages/joint_by_joint.py",
         "{**self._late.get(name, {}), **joints}",
         "{**joints, **self._late.get(name, {})}",
@@ -237,20 +237,20 @@ FAULTS = (
         "a lock-step without its recorder",
         "The next event is sent before a recorder has written down the one before.",
         "mild_ros/sending.py",
-        "return self._tokens == 0 and self._begun and self._told <= self._recorded",
-        "return self._tokens == 0 and self._begun",
+        "return self._tokens == 0 and self._started and self._reported <= self._recorded",
+        "return self._tokens == 0 and self._started",
         REPLAY,
     ),
     Fault(
         "fewer than none were lost",
         "Messages that only the recorder missed count as lost before perception, below zero.",
         "mild_ros/report.py",
-        "lost=max(len(run.tracker_arrived_ns) - len(seen), 0) if seen else None,",
-        "lost=len(run.tracker_arrived_ns) - len(seen) if seen else None,",
+        "dropped=max(len(run.tracker_arrived_ns) - len(seen), 0) if seen else None,",
+        "dropped=len(run.tracker_arrived_ns) - len(seen) if seen else None,",
         STILL,
     ),
     Fault(
-        "whoever trembles has moved",
+        "a trembling person has moved",
         "A robot that stayed where it was counts as one that moved.",
         "mild_ros/stillness.py",
         ".max() > STILL_RAD)",
@@ -267,7 +267,7 @@ FAULTS = (
     ),
     Fault(
         "a bag that loops ticks to its end first",
-        "When time begins anew the grid of ticks goes on from where it was.",
+        "When time starts again the grid of ticks goes on from where it was.",
         "mild_ros/replay_events.py",
         "if not newest_ns or event.time_ns < newest_ns:",
         "if not newest_ns:",
@@ -275,7 +275,7 @@ FAULTS = (
     ),
     Fault(
         "ticks from the newest message",
-        "The grid of ticks starts anew at each message.",
+        "The grid of ticks restarts at each message.",
         "mild_ros/replay_events.py",
         "            tick_ns += period_ns\n",
         "            tick_ns = event.time_ns + period_ns\n",
@@ -427,7 +427,7 @@ FAULTS = (
     ),
     Fault(
         "a bag of another tracker is replayed",
-        "A bag in which the tracker sees nobody runs to its end.",
+        "A bag in which the tracker sees no person runs to its end.",
         "mild_ros/bag_people.py",
         "        if found:\n            wrong[found] += 1",
         "        if not found:\n            wrong[found] += 1",
@@ -443,7 +443,7 @@ FAULTS = (
     ),
     Fault(
         "what lies in place of a bag is garbage",
-        "An archive or a pointer of Git LFS is not told from a broken bag.",
+        "An archive or a pointer of Git LFS is not distinguished from a broken bag.",
         "mild_ros/bag_kinds.py",
         "if head.lstrip().startswith(magic):",
         "if head == magic:",
@@ -499,7 +499,7 @@ FAULTS = (
     ),
     Fault(
         "one cause, four findings",
-        "What keeps all nodes from starting is told as a fault of discovery.",
+        "What keeps all nodes from starting is reported as a fault of discovery.",
         "mild_ros/doctor.py",
         "for finding in (domain(), log_folder())",
         "for finding in (log_folder(),)",
@@ -507,7 +507,7 @@ FAULTS = (
     ),
     Fault(
         "any name is a peer",
-        "A static peer that nobody knows, with which no node starts, is well.",
+        "A static peer without an address, with which no node starts, is well.",
         "mild_ros/dds_variables.py",
         '"nodes of these machines are looked for too", _no_peer)',
         '"nodes of these machines are looked for too")',

@@ -73,7 +73,7 @@ NO_BAGS = [
 
 
 @pytest.mark.parametrize(("text", "name", "words"), NO_BAGS, ids=[f"{name} {words[:20]}" for _, name, words in NO_BAGS])
-def test_where_nothing_can_be_salvaged_nobody_is_sent_to_salvage(tmp_path, text, name, words):
+def test_salvage_is_not_suggested_where_nothing_can_be_salvaged(tmp_path, text, name, words):
     file = made(text, name, tmp_path)
     for salvage in (False, True):
         assert "--salvage" not in refused(file, words, salvage=salvage)
@@ -185,7 +185,7 @@ def test_the_journal_of_a_killed_recorder_is_read(tmp_path):
         copy.execute("PRAGMA journal_mode=WAL")
         copy.execute("UPDATE messages SET timestamp = timestamp + 1")
         copy.commit()
-        for name in ("killed.db3", "killed.db3-wal"):  # as it lies there when nobody closes it
+        for name in ("killed.db3", "killed.db3-wal"):  # as it lies there when it is not closed
             shutil.copyfile(killed / name, tmp_path / name)
     assert refused(killed, "has no metadata.yaml")
     with open_bag(tmp_path / "killed.db3", salvage=True) as bag:
@@ -196,7 +196,7 @@ def test_every_broken_bag_is_one_line_or_salvaged():
     outcomes, failures = bag_faults.run(40, seed=0)
     assert failures == []
     endings = {ending for *_, ending in outcomes}
-    assert {"refused, 1 line", "read whole", "salvaged whole", "salvaged, loss told"} <= endings
+    assert {"refused, 1 line", "read whole", "salvaged whole", "salvaged, loss reported"} <= endings
     assert all(ending.endswith(" 1 line") for ending in endings if "line" in ending)
 
 
@@ -224,7 +224,7 @@ def test_a_name_that_no_disk_can_hold_is_refused_and_salvaged(tmp_path):
     assert positions(path, salvage=True) == EXPECTED
 
 
-def test_garbage_in_one_message_is_told_apart_from_a_broken_bag(tmp_path):
+def test_garbage_in_one_message_is_distinguished_from_a_broken_bag(tmp_path):
     with create_bag(tmp_path / "bag") as writer:
         writer.write("/joint_states", JOINT_STATE, 1, b"\x00\x01\x00\x00" + b"\xff" * 40)
     with open_bag(tmp_path / "bag") as bag, pytest.raises(DataError, match="undecodable"):

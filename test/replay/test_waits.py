@@ -50,16 +50,16 @@ def test_a_node_that_hangs_ends_the_run_in_one_line(
     monkeypatch.setattr(demo, "PATIENCE_S", 1.0)
     monkeypatch.setattr(demo, "DISCOVERY_S", 1.0)
     monkeypatch.setattr(demo, "OVERDUE_S", 0.95)
-    told: list[str] = []
+    reported: list[str] = []
     before = processes_left(MARK)
     behind_its_end = RunOptions(start_s=100.0)
     with pytest.raises(SetupError, match=re.escape(f"nodes: {problem}; see {tmp_path}")):
-        run_nodes(ROOT / "bags/handshake", tmp_path, behind_its_end, lambda what, share: told.append(what))
-    assert told[-1] == last
+        run_nodes(ROOT / "bags/handshake", tmp_path, behind_its_end, lambda what, share: reported.append(what))
+    assert reported[-1] == last
     assert processes_left(MARK).keys() <= before.keys()
 
 
-def test_a_closed_terminal_ends_a_run_in_order_unless_nobody_hangs_up(tmp_path: Path) -> None:
+def test_a_closed_terminal_ends_a_run_in_order_unless_it_is_not_hung_up(tmp_path: Path) -> None:
     heard: list[int] = []
     numbers = (signal.SIGTERM, signal.SIGHUP)
     before = {number: signal.signal(number, lambda number, _frame: heard.append(number)) for number in numbers}

@@ -99,13 +99,15 @@ def test_another_robot_s_description_is_refused(theirs: Path) -> None:
         make_robot("pepper", str(theirs))
 
 
-def test_copies_lie_where_nobody_else_can_write(theirs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_copies_lie_where_no_other_user_can_write(
+    theirs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     first, second = make_robot("yumi", str(theirs)).urdf_path, make_robot("yumi", str(theirs)).urdf_path
     assert first == second
     assert list(first.parent.glob("*.urdf*")) == [first]
     first.parent.chmod(0o777)
-    with pytest.raises(SetupError, match="can be written by somebody else; remove it, or set TMPDIR"):
+    with pytest.raises(SetupError, match="can be written by other users; remove it, or set TMPDIR"):
         make_robot("yumi", str(theirs))
 
 
