@@ -68,6 +68,9 @@ def seen_trials(corpus: Corpus, units: Reservoir, training: TrainingSettings, se
                 bent = bend(corpus.tracks, replace(training.augmentation, copies=1))
                 (features,) = _features(corpus, bent, units, [RESTS_S[copy % len(RESTS_S)]])
                 learned.append((features, _wanted(corpus, bent, units)))
+    for number, again in enumerate(corpus.again):
+        (features,) = _features(corpus, again, units, [RESTS_S[number % len(RESTS_S)]])
+        learned.append((features, _wanted(corpus, again, units)))
     trials = []
     for place, label in enumerate(corpus.tracks.label.tolist()):
         pairs = [(features[place], answers[place]) for features, answers in learned]

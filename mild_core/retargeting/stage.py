@@ -41,6 +41,7 @@ from mild_core.retargeting.yielding import Yielding
 from mild_core.shapes import FloatArray, read_only
 from mild_core.signals import (
     ARM_FRAME,
+    ROBOT_FRAME,
     UNKNOWN_DIRECTION,
     JointCommand,
     JointMeasurement,
@@ -382,7 +383,9 @@ class Retargeting:
                 state = _paused(state, now_ns)
             offered = state.sight is not None and state.sight.offered()
             given = (plan.covariance, met_m, offered, state.touch)
-            aimed, touch = self._contact.aim(aimed, *given, np.array(motion.position_rad), elapsed_s)
+            measured = state.sight is not None and state.sight.frame_id == ROBOT_FRAME
+            here_rad = np.array(motion.position_rad)
+            aimed, touch = self._contact.aim(aimed, *given, here_rad, elapsed_s, measured=measured)
             aimed = np.minimum(np.maximum(aimed, self._lower), self._upper)
         hurry = 0.0 if touch is None else touch.share * self._guard.nearness(state.near_m)
         pursuit, target = pursuit.nearer(aimed, self.settings.ramp_velocity_rad_s, hurry, elapsed_s)
