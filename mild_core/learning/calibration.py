@@ -72,13 +72,15 @@ class Calibration:
     Attributes:
         scale: What the published covariance is to be multiplied with, learned from all trials: its 90 % region, taken
             as that of a Gaussian, then holds 90 %.
-        freedom: Degrees of freedom of the errors, which say where its other regions are, see `inference.regions`.
+        freedom: Degrees of freedom of the errors: few, where most are small and some are large.
+        radii: Mahalanobis distances in that covariance within which half and 90 % of the true values lie.
         before: Without either, as of a Gaussian.
         after: With what was learned from the other folds.
     """
 
     scale: Mapping[str, float]
     freedom: Mapping[str, float]
+    radii: Mapping[str, tuple[float, float]]
     before: Mapping[str, Reliability]
     after: Mapping[str, Reliability]
 
@@ -94,6 +96,12 @@ class _Spread:
 
     scale: float
     freedom: float
+
+    def radii(self, values: int) -> tuple[float, float]:
+        """See `Calibration.radii`, for frames of so many values."""
+        most = float(chi2.ppf(REGION, values))
+        half = most * float(f.ppf(HALF, values, self.freedom) / f.ppf(REGION, values, self.freedom))
+        return float(np.sqrt(half)), float(np.sqrt(most))
 
 
 _GAUSSIAN = _Spread(1.0, FREEDOM[1])
@@ -153,11 +161,12 @@ def calibrate(doubts: Sequence[Doubt]) -> Calibration:
     Args:
         doubts: Of the trials of all folds, each held out once; of every interaction in at least two folds.
     """
-    scale, freedom, before, after = {}, {}, {}, {}
+    scale, freedom, radii, before, after = {}, {}, {}, {}, {}
     for name in dict.fromkeys(doubt.interaction for doubt in doubts):
         own = [doubt for doubt in doubts if doubt.interaction == name]
         whole = _together(_distances(doubt, _residual(doubts)) for doubt in own).spread()
         scale[name], freedom[name] = whole.scale, whole.freedom
+        radii[name] = whole.radii(own[0].errors.shape[-1])
         raw, told = [], []
         for fold in sorted({doubt.fold for doubt in own}):
             residual = _residual([doubt for doubt in doubts if doubt.fold != fold])
@@ -167,7 +176,7 @@ def calibrate(doubts: Sequence[Doubt]) -> Calibration:
             raw += [distances.reliability(_GAUSSIAN) for distances in held_out]
             told += [distances.reliability(learned) for distances in held_out]
         before[name], after[name] = _mean(raw), _mean(told)
-    return Calibration(scale, freedom, before, after)
+    return Calibration(scale, freedom, radii, before, after)
 
 
 def _mean(found: Sequence[Reliability]) -> Reliability:

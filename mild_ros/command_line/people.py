@@ -15,6 +15,9 @@ from mild_core.errors import SetupError
 from mild_ros.command_line.console import Console
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mild_core.learning.recording import Recording
     from mild_core.learning.strangers import Watched
     from mild_core.pipeline import Pipeline
     from mild_core.shapes import FloatArray
@@ -74,7 +77,7 @@ def evaluate_people(file: Path, model_name: str, interaction: str, json: bool) -
 
 
 def evaluate_strangers(seeds: int, json: bool) -> None:
-    """Print how gestures are recognised in each data set when it is left out.
+    """Print how gestures are recognised in each data set when it is left out, and how near hands come.
 
     Raises:
         SetupError: There are fewer than two data sets here.
@@ -90,13 +93,37 @@ def evaluate_strangers(seeds: int, json: bool) -> None:
             "--strangers", f"needs two data sets or more, here: {names}", "`mild data` says how to get them"
         )
     found = leave_sets_out(arms, GestureSettings(), seeds, CERTAIN)
+    motion = _motion(recordings)
     if json:
-        typer.echo(json_text.dumps(found))
+        typer.echo(json_text.dumps({**found, "motion": motion}))
         return
     for name, figures in found.items():
         typer.echo(f"{name}, left out")
         for key, value in figures.items():
             typer.echo(f"  {key}: {_shown(value)}")
+    for name, by_set in motion.items():
+        for other, by_interaction in by_set.items():
+            typer.echo(f"{name}, tool to the hands of {other}: {_shown(by_interaction)}")
+
+
+def _motion(recordings: Sequence[Recording]) -> dict[str, Any]:
+    """By shipped model of a robot: how far from strangers' hands it sends the robot's."""
+    from mild_core.inference.manifest_reading import read_manifest
+    from mild_core.learning.datasets import DATASETS
+    from mild_core.learning.stranger_motion import measure_motion, strangers_to
+    from mild_core.retargeting.robots import ROBOTS
+    from mild_ros.assembly.inference import load
+    from mild_ros.share import share_folder
+
+    found = {}
+    for path in sorted(share_folder("models").glob("*/manifest.json")):
+        controlled, training = read_manifest(path.parent).controlled, read_manifest(path.parent).training
+        own = DATASETS.get(str(training.get("dataset")))
+        if controlled.kind != "robot_joints" or own is None or not own.default_path().is_file():
+            continue
+        others = strangers_to(own, recordings)
+        found[path.parent.name] = measure_motion(load(path.parent.name), own, ROBOTS[controlled.robot], others)
+    return found
 
 
 def _shown(value: Any) -> str:
