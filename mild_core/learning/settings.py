@@ -93,17 +93,17 @@ class Paired:
     """
 
     copies: int = 8
-    share: float = 0.5
+    share: float = 0.3
     least: tuple[float, ...] = (-0.3, -0.4, -0.3)
     most: tuple[float, ...] = (0.6, 0.4, 0.6)
     scale: tuple[float, ...] = (0.8, 1.25)
     yaw_rad: float = 0.3
     style: float = 0.03
-    speed: tuple[float, ...] = (0.8, 2.0)
+    speed: tuple[float, ...] = (0.85, 1.6)
 
     def __post_init__(self) -> None:
-        if not (self.copies > 0 and 0.0 <= self.share <= 1.0):
-            raise ValueError("copies must be at least 1, share at least 0 and at most 1")
+        if not (self.copies > 0 and 0.0 < self.share <= 1.0):
+            raise ValueError("copies must be at least 1, share above 0 and at most 1")
         if len(self.least) != 3 or len(self.most) != 3:
             raise ValueError("least and most are three numbers each: forward, left, up")
         for pair, lowest in ((self.scale, 0.0), (self.speed, 0.1)):

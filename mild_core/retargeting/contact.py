@@ -8,7 +8,7 @@ which is almost the person's hand where the model is unsure. What the hand leave
 
 The gate is the distance and not the phase: the phase of an interaction that begins and ends at rest does not rise
 from 0 to 1, while hands that are meant to touch are near each other exactly then. Strangers hold their hands out where
-none of the model's people did, and the learned hand may not come near: one that is held out within reach, where the
+none of the model's people did, and the learned hand may not come near: one that waits within reach, where the
 camera's place is measured, is met wherever that is.
 
 Source: V. Prasad et al., "Learning Multimodal Latent Dynamics for Human-Robot Interaction", 2023, section III-D, where
@@ -114,7 +114,7 @@ class Contact:
         here_rad: FloatArray,
         elapsed_s: float,
         *,
-        measured: bool = False,
+        waits: bool = False,
     ) -> tuple[FloatArray, Touch | None]:
         """Where the joints shall be.
 
@@ -126,7 +126,7 @@ class Contact:
             before: Of the command before.
             here_rad: (J,) where the robot is by that command.
             elapsed_s: Since then.
-            measured: Whether it is measured where the person stands, not assumed.
+            waits: Whether an offered hand has waited, and it is measured where the person stands, not assumed.
 
         Returns:
             (J,) positions [rad], and how far the hands are brought together; None when they are not.
@@ -143,7 +143,7 @@ class Contact:
                 wanted = max(wanted, self._nearness(self._chain.tool(np.array(before.joints_rad)), hand_m))
         elif hand_m is not None:
             wanted = min(wanted, self._nearness(here, hand_m))
-        if hand_m is not None and offered and measured:
+        if hand_m is not None and offered and waits:
             wanted = max(wanted, smooth(1.0 - self._beyond_m(hand_m) / (FAR_M - NEAR_M)))
         wanted = 0.0 if withdrawn else wanted
         most = elapsed_s / OVER_S

@@ -62,6 +62,9 @@ SLOWED = "slowed"
 
 UNMEASURED = "the camera is not measured; set robot_from_camera or allow_unmeasured_contact"
 ASSUMED = "the camera is not measured: hands may touch as allow_unmeasured_contact says, where people are assumed to be"
+WAITS_S = 1.2
+"""A hand that has been raised for longer and is held out waits to be met: the learned one has had time to come near."""
+
 UNKNOWN_BODY = "the person's head and trunk are not known; use a tracker that gives shoulders and head"
 """Why hands are not brought together, or why they should not be."""
 
@@ -384,8 +387,9 @@ class Retargeting:
             offered = state.sight is not None and state.sight.offered()
             given = (plan.covariance, met_m, offered, state.touch)
             measured = state.sight is not None and state.sight.frame_id == ROBOT_FRAME
+            waits = measured and state.sight is not None and (now_ns - state.sight.raised_ns) * 1e-9 > WAITS_S
             here_rad = np.array(motion.position_rad)
-            aimed, touch = self._contact.aim(aimed, *given, here_rad, elapsed_s, measured=measured)
+            aimed, touch = self._contact.aim(aimed, *given, here_rad, elapsed_s, waits=waits)
             aimed = np.minimum(np.maximum(aimed, self._lower), self._upper)
         hurry = 0.0 if touch is None else touch.share * self._guard.nearness(state.near_m)
         pursuit, target = pursuit.nearer(aimed, self.settings.ramp_velocity_rad_s, hurry, elapsed_s)
