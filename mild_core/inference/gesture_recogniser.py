@@ -5,7 +5,8 @@ Where a hand goes differs between people more than how it moves does. So the fea
 oscillation, and what the hand has done since it left its rest. A reservoir of leaky units remembers them for about two
 seconds, and two linear readouts classify the same activations:
 
-    novelty      the known interactions and rest, learned without a background: their largest probability tells foreign
+    novelty      the known interactions and rest, learned without a background: their largest probability separates
+    foreign
                  motions from known ones
     permission   the same and a background of other movements (reaching, walking, fidgeting): whether to start at all
 
@@ -62,7 +63,7 @@ PERIOD_NS = round(1e9 / RATE_HZ)
 DISTANCE, FROM_REST = 24, 30
 """Places among the features of the hand's distance from its rest, and of its place seen from there."""
 
-BEGUN = 0.35
+ONSET_DISTANCE = 0.35
 """A hand this far from its rest [arm lengths] may start an interaction."""
 
 WALKING = 0.6
@@ -310,7 +311,7 @@ class GestureRecogniser:
         if state.started:
             started = active_s > 0.0 and permit > start - DOUBT
         else:
-            started = distance > BEGUN and permit > start and walking < WALKING
+            started = distance > ONSET_DISTANCE and permit > start and walking < WALKING
         return replace(
             state,
             evidence=read_only(state.evidence + EVIDENCE_SHARE * (log_softmax(known[:-1]) - state.evidence)),

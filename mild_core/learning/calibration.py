@@ -36,7 +36,7 @@ FREEDOM = (1.0, 1000.0)
 
 
 @dataclass(frozen=True, eq=False)
-class Doubt:
+class CalibrationSample:
     """How wrong predictions for a trial were, and how sure the model.
 
     Attributes:
@@ -66,7 +66,7 @@ class Reliability:
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration:
+class UncertaintyCalibration:
     """By interaction.
 
     Attributes:
@@ -90,15 +90,15 @@ class _Spread:
     """How errors are distributed about a prediction, beside the covariance.
 
     Attributes:
-        scale: See `Calibration.scale`.
-        freedom: See `Calibration.freedom`.
+        scale: See `UncertaintyCalibration.scale`.
+        freedom: See `UncertaintyCalibration.freedom`.
     """
 
     scale: float
     freedom: float
 
     def radii(self, values: int) -> tuple[float, float]:
-        """See `Calibration.radii`, for frames of so many values."""
+        """See `UncertaintyCalibration.radii`, for frames of so many values."""
         most = float(chi2.ppf(REGION, values))
         half = most * float(f.ppf(HALF, values, self.freedom) / f.ppf(REGION, values, self.freedom))
         return float(np.sqrt(half)), float(np.sqrt(most))
@@ -155,7 +155,7 @@ def _quantiles(values: FloatArray, weights: FloatArray, shares: Sequence[float])
     return found
 
 
-def calibrate(doubts: Sequence[Doubt]) -> Calibration:
+def calibrate(doubts: Sequence[CalibrationSample]) -> UncertaintyCalibration:
     """Learn the scales and see what they are worth.
 
     Args:
@@ -176,7 +176,7 @@ def calibrate(doubts: Sequence[Doubt]) -> Calibration:
             raw += [distances.reliability(_GAUSSIAN) for distances in held_out]
             told += [distances.reliability(learned) for distances in held_out]
         before[name], after[name] = _mean(raw), _mean(told)
-    return Calibration(scale, freedom, radii, before, after)
+    return UncertaintyCalibration(scale, freedom, radii, before, after)
 
 
 def _mean(found: Sequence[Reliability]) -> Reliability:
@@ -184,14 +184,14 @@ def _mean(found: Sequence[Reliability]) -> Reliability:
     return Reliability(np.mean([one.joint for one in found], axis=0), np.mean([one.marginal for one in found], axis=0))
 
 
-def _residual(doubts: Sequence[Doubt]) -> FloatArray:
+def _residual(doubts: Sequence[CalibrationSample]) -> FloatArray:
     """(n, n) mean of error times error over frames and windows."""
     rows = np.concatenate([doubt.errors.reshape(-1, doubt.errors.shape[-1]) for doubt in doubts])
     residual: FloatArray = rows.T @ rows / len(rows)
     return residual
 
 
-def _distances(doubt: Doubt, residual: FloatArray) -> _Distances:
+def _distances(doubt: CalibrationSample, residual: FloatArray) -> _Distances:
     covariances, errors = doubt.spread + residual, doubt.errors
     whitened = np.linalg.solve(np.linalg.cholesky(covariances), errors.transpose(0, 2, 1))
     marginal = errors**2 / np.diagonal(covariances, axis1=1, axis2=2)[:, None]

@@ -14,7 +14,7 @@ import numpy as np
 
 from mild_core.inference.gesture_recogniser import SAME
 from mild_core.inference.model import MildModel
-from mild_core.learning.contact import Contact, fit_contact, touching, turned_about_z
+from mild_core.learning.contact import FittedPlace, fit_contact, touching, turned_about_z
 from mild_core.learning.demonstration import Demonstration
 from mild_core.learning.model_predictor import ModelPredictor
 from mild_core.learning.recording import Recording
@@ -112,7 +112,7 @@ def measure_motion(
 
 
 def _by_interaction(
-    predictor: ModelPredictor, people: Sequence[Demonstration], robot: RobotModel, contact: Contact
+    predictor: ModelPredictor, people: Sequence[Demonstration], robot: RobotModel, contact: FittedPlace
 ) -> dict[str, Mapping[str, float]]:
     found: dict[str, Mapping[str, float]] = {}
     for name, place in contact.by_interaction.items():

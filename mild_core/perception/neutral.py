@@ -35,7 +35,7 @@ NARROWEST_M = 0.1
 """Shoulders nearer than this, or nearer to the pelvis, span no axes."""
 
 MISPLACED = ("mirrored", "wrong_up_axis")
-"""Reasons of `check_trunk`: nobody knows where such a body is."""
+"""Reasons of `check_trunk`: the place of such a body is unknown."""
 
 _FLAT = "are the names of the joints in the tracker's order?"
 

@@ -111,9 +111,9 @@ def _motion(recordings: Sequence[Recording]) -> dict[str, Any]:
     from mild_core.inference.manifest_reading import read_manifest
     from mild_core.learning.datasets import DATASETS
     from mild_core.learning.stranger_motion import measure_motion, strangers_to
+    from mild_core.resources import share_folder
     from mild_core.retargeting.robots import ROBOTS
     from mild_ros.assembly.inference import load
-    from mild_ros.share import share_folder
 
     found = {}
     for path in sorted(share_folder("models").glob("*/manifest.json")):

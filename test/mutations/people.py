@@ -17,15 +17,15 @@ IN_VIEW = "mild_core/perception/bodies.py"
 FAULTS = (
     Fault(
         "the guard's speed refusal switched off",
-        "A motion may be as fast as it likes near somebody.",
+        "A motion may be as fast as it likes near a person.",
         f"{HERE}/clearance.py",
         "if bounds[row, rate] > rounding + (least[row, rate] if excused else 0.0):",
         "if bounds[row, rate] > rounding + (least[row, rate] if excused else 0.0) and rate < 0:",
         GUARD,
     ),
     Fault(
-        "too fast towards somebody is not too fast",
-        "Only the speed of the arm is bounded, and not its speed towards somebody who comes.",
+        "too fast towards a person is not too fast",
+        "Only the speed of the arm is bounded, and not its speed towards an approaching person.",
         f"{HERE}/clearance.py",
         "for rate in range(place + 2, place + 4):",
         "for rate in range(place + 2, place + 3):",
@@ -41,7 +41,7 @@ FAULTS = (
     ),
     Fault(
         "who is too near already may be neared",
-        "Whoever is too near to the arm may be neared further as long as a stop would not be much better.",
+        "A person who is too close to the arm may be approached further as long as a stop would not be much better.",
         f"{HERE}/clearance.py",
         "bounds[row, place + 1] >= least[row, place + 1] - rounding",
         "bounds[row, place + 1] <= least[row, place + 1] + rounding",
@@ -49,7 +49,7 @@ FAULTS = (
     ),
     Fault(
         "nearest at the looks",
-        "Between two looks nobody is taken to have been nearer than at both.",
+        "Between two looks no person is assumed to have been closer than at both.",
         f"{HERE}/clearance.py",
         "nearest = min(min(a, b), 0.5 * (a + b - (fastest + people_speed_m_s[other]) * during_s))",
         "nearest = min(a, b)",
@@ -73,7 +73,7 @@ FAULTS = (
     ),
     Fault(
         "approach raises the bound",
-        "Somebody who comes nearer lets the arm be faster.",
+        "A person who comes nearer lets the arm be faster.",
         f"{HERE}/clearance.py",
         "to - max(0.0, near_speed_m_s - coming)",
         "to - max(0.0, near_speed_m_s + coming)",
@@ -113,7 +113,7 @@ FAULTS = (
     ),
     Fault(
         "the first end of a link",
-        "The speed of a link towards somebody is that of its first end, wherever it is nearest.",
+        "The speed of a link towards a person is that of its first end, wherever it is nearest.",
         f"{HERE}/clearance.py",
         "closing += n * (ends_m_s[number, 0, i] + s * (ends_m_s[number, 1, i] - ends_m_s[number, 0, i]))",
         "closing += n * ends_m_s[number, 0, i]",
@@ -161,7 +161,7 @@ FAULTS = (
     ),
     Fault(
         "approach the other way",
-        "Whoever goes away counts as coming nearer, and the other way round.",
+        "A person who goes away counts as coming nearer, and the other way round.",
         f"{HERE}/clearance.py",
         "coming -= n * moves",
         "coming += n * moves",
@@ -177,7 +177,7 @@ FAULTS = (
     ),
     Fault(
         "pushed into the body",
-        "A hand to be met inside of somebody is pushed further in.",
+        "A hand to be met inside of a person is pushed further in.",
         f"{HERE}/guard.py",
         "point_m + away * (least_m / distance_m - 1.0)",
         "point_m - away * (least_m / distance_m - 1.0)",
@@ -193,7 +193,7 @@ FAULTS = (
     ),
     Fault(
         "hurried far away",
-        "Hands hurry to meet where nobody is near.",
+        "Hands hurry to meet where no person is near.",
         f"{HERE}/guard.py",
         "1.0 - (near_m - self.settings.near_m) / HURRIED_M",
         "1.0 + (near_m - self.settings.near_m) / HURRIED_M",
@@ -217,7 +217,7 @@ FAULTS = (
     ),
     Fault(
         "people where they were",
-        "Where somebody will be when the command is carried out is left out.",
+        "Where a person will be when the command is carried out is left out.",
         f"{HERE}/obstacles.py",
         "ends = ends + ahead_s * velocities",
         "ends = ends + 0.0 * ahead_s * velocities",
@@ -225,7 +225,7 @@ FAULTS = (
     ),
     Fault(
         "velocities placed like points",
-        "The velocity of somebody whose place is a guess holds that place.",
+        "The velocity of a person whose place is a guess holds that place.",
         f"{HERE}/obstacles.py",
         "velocities = standing.placed(segments.velocities_m_s, ARM_FRAME, (0.0, 0.0, 0.0))",
         "velocities = standing.placed(segments.velocities_m_s, ARM_FRAME, places_m[0])",
@@ -249,14 +249,14 @@ FAULTS = (
     ),
     Fault(
         "radii that shrink with age",
-        "The longer ago somebody was seen the thinner they are.",
+        "The longer ago a person was seen the thinner they are.",
         f"{HERE}/obstacles.py",
         "segments.radii_m + min(max(age_s - AGED_S, 0.0) * AGED_M_S, AGED_MOST_M)",
         "segments.radii_m - min(max(age_s - AGED_S, 0.0) * AGED_M_S, AGED_MOST_M)",
         OBSTACLES,
     ),
     Fault(
-        "anybody's forearm may be touched",
+        "every forearm may be touched",
         "The forearm of a bystander may be touched.",
         f"{HERE}/obstacles.py",
         "if person == WATCHED_PERSON and part in HAND_PARTS:",
@@ -280,16 +280,16 @@ FAULTS = (
         OBSTACLES,
     ),
     Fault(
-        "giving way towards somebody",
-        "The arm gives way into whoever comes.",
+        "giving way towards a person",
+        "The arm gives way into the approaching person.",
         f"{HERE}/clearance.py",
         "away[i] = (here[i] - there) / distance",
         "away[i] = (there - here[i]) / distance",
         YIELDING,
     ),
     Fault(
-        "giving way before anybody comes",
-        "Somebody who stands far away pushes the arm.",
+        "giving way before a person comes",
+        "A person who stands far away pushes the arm.",
         f"{HERE}/yielding.py",
         "coming - (clear_m - keep) / DAMPER_S",
         "coming + (clear_m - keep) / DAMPER_S",
@@ -320,7 +320,7 @@ FAULTS = (
         YIELDING,
     ),
     Fault(
-        "somebody faces backwards",
+        "a person faces backwards",
         "Where a chest points is where the back does.",
         IN_VIEW,
         "forward = ly * uz - lz * uy, lz * ux - lx * uz, lx * uy - ly * ux",
@@ -473,7 +473,7 @@ FAULTS = (
     ),
     Fault(
         "only the nearest point of the arm",
-        "Points beside the nearest one may come nearer to somebody who comes as fast as they like.",
+        "Points beside the nearest one may come nearer to an approaching person as fast as they like.",
         f"{HERE}/clearance.py",
         "if comes > 0.0 and most_m_s[number] + comes > surface_m_s:",
         "if comes > 0.0 and most_m_s[number] + comes > surface_m_s + 1e9:",
@@ -481,7 +481,7 @@ FAULTS = (
     ),
     Fault(
         "an arm that is wanted elsewhere as one that gives way",
-        "Every motion may come nearer to somebody by what an arm that gives way turns.",
+        "Every motion may come nearer to a person by what an arm that gives way turns.",
         f"{HERE}/guard.py",
         "LEAST_M_S if giving_way else 0.0",
         "LEAST_M_S",
@@ -489,11 +489,11 @@ FAULTS = (
     ),
     Fault(
         "no word of a camera before people come",
-        "That no hands will meet is said only once somebody has come.",
+        "That no hands will meet is said only once a person has come.",
         f"{HERE}/stage.py",
         "return replace(state, no_contact=self._no_contact(state, 0))",
         "return state",
-        (f"{TESTS}/test_people.py::test_an_unmeasured_camera_is_told_before_anybody_is_seen",),
+        (f"{TESTS}/test_people.py::test_an_unmeasured_camera_is_reported_before_a_person_is_seen",),
     ),
     Fault(
         "a hand that may not be touched is offered",
@@ -517,16 +517,16 @@ FAULTS = (
         "an offered hand says nothing",
         "The evidence for a start begins when the interaction has its name.",
         f"{HERE}/reception.py",
-        "told = bool(given.interaction) or given.state == OFFERED",
-        "told = bool(given.interaction)",
+        "probability = 1.0 if given.state == OFFERED else given.probability if given.interaction else 0.0",
+        "probability = given.probability if given.interaction else 0.0",
         ("test/core/retargeting/test_people.py",),
     ),
     Fault(
         "who walks may start",
-        "Somebody who walks by with a hand held out starts an interaction.",
+        "A person who walks by with a hand held out starts an interaction.",
         "mild_core/inference/gesture_recogniser.py",
-        "started = distance > BEGUN and permit > start and walking < WALKING",
-        "started = distance > BEGUN and permit > start",
+        "started = distance > ONSET_DISTANCE and permit > start and walking < WALKING",
+        "started = distance > ONSET_DISTANCE and permit > start",
         ("test/core/inference/test_gesture_recogniser.py",),
     ),
     Fault(

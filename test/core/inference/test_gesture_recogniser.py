@@ -46,7 +46,7 @@ def played(recogniser: GestureRecogniser, frames: FloatArray, period_ns: int = P
 
 
 def waving(frames: int, rate_hz: float = 20.0) -> FloatArray:
-    """Somebody who raises the hand beside the head and waves."""
+    """A person who raises the hand beside the head and waves."""
     times = np.arange(frames) / rate_hz
     share = np.clip((times - 1.5) / 0.8, 0.0, 1.0)[:, None]
     share = share * share * (3.0 - 2.0 * share)
