@@ -86,6 +86,9 @@ class InferenceParameters:
 
     model: str = _MODEL
     interaction: str = parameter("auto", "An interaction of the model, or `auto` to recognise it.")
+    cautious: bool = parameter(
+        False, "Start by the name of an interaction alone, and on more evidence: fewer false starts, later ones."
+    )
     robot_joint_names: tuple[str, ...] = ROBOT_JOINT_NAMES
     report_handled: bool = _REPORT_HANDLED
 
@@ -128,6 +131,13 @@ class RetargetingParameters(ControllerParameters):
     home_velocity_rad_s: float = parameter(
         RetargetingSettings.home_velocity_rad_s,
         "Largest speed of a joint on the way home.",
+        unit="rad/s",
+        minimum=0.01,
+        maximum=3.0,
+    )
+    gentle_velocity_rad_s: float = parameter(
+        RetargetingSettings.gentle_velocity_rad_s,
+        "Largest speed of a joint towards a hand that is offered for nobody knows what yet.",
         unit="rad/s",
         minimum=0.01,
         maximum=3.0,

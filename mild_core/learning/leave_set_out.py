@@ -40,7 +40,7 @@ class Played:
         named_right: (M,) at `MOMENTS_S`, whether it has started and the likeliest is right.
         named_wrong: (M,) the same, and it is wrong.
         at_rest: Whether it started before the hand left its rest.
-        familiar: Mean probability of the likeliest gesture two seconds after the onset, or when the hand came back.
+        familiar: How familiar it looks two seconds after the onset, or when the hand came back.
     """
 
     gesture: str

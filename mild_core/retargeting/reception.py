@@ -17,7 +17,7 @@ from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.retargeting.state import Request, RetargetingState
 from mild_core.retargeting.target import checked_plan
-from mild_core.signals import OFFERED, RESTING, JointMeasurement, MotionWindow, PersonPose
+from mild_core.signals import OFFERED, RESTING, ROBOT_FRAME, JointMeasurement, MotionWindow, PersonPose
 
 OUTSIDE_RAD = 0.02
 """A measured pose may lie this far outside the position limits: a robot that leans on its end stop."""
@@ -54,10 +54,21 @@ def take_motion(
     bound = OUT_OF_DISTRIBUTION if state.mode is Mode.FOLLOWING else settings.known_below
     # A hand that is back at its rest ends what was followed: the robot goes home, and does not hold as for the unknown.
     ended = given.state == RESTING and state.mode is Mode.FOLLOWING
-    if not ended and (not given.interaction or given.out_of_distribution > bound):
+    named = bool(given.interaction) or _meets(state, given, settings)
+    if not ended and (not named or given.out_of_distribution > bound):
         since_ns = now_ns if state.unknown_since_ns is None else state.unknown_since_ns
         return replace(state, unknown_since_ns=since_ns).ended("unknown")
     return replace(state, plan=plan, unknown_since_ns=None).ended("accepted")
+
+
+def _meets(state: RetargetingState, given: MotionWindow, settings: RetargetingSettings) -> bool:
+    """Whether a hand is met that is offered for nobody knows what yet: its place has to be known, and may be touched.
+
+    To go on asks for less than to start: a hand that is met is met until it is back.
+    """
+    measured = state.sight is not None and state.sight.frame_id == ROBOT_FRAME
+    may = given.may_start or state.mode is Mode.FOLLOWING
+    return given.state == OFFERED and may and measured and settings.ik != "off"
 
 
 def _with_evidence(
