@@ -307,7 +307,7 @@ class Inference:
             return NAMED if recognition.probability >= DECIDED and familiar else NONE
         if gestures.active_s == 0.0:
             return RESTING
-        started = gestures.started or familiar
+        started = gestures.started or (familiar and not self.cautious)
         published = before.published
         same = published is not None and before.named and published.likeliest == recognition.likeliest
         if started and recognition.probability >= (DECIDED if same else CERTAIN):
