@@ -26,7 +26,7 @@ class Fields:
     source: str
     path: str
     values: Mapping[str, Any]
-    remedy: str = "take the folder as it was trained, or train it anew"
+    remedy: str = "take the folder as it was trained, or retrain it"
     error: type[SetupError] = ModelError
 
     def wrong(self, key: str, problem: str, remedy: str = "") -> SetupError:

@@ -61,7 +61,7 @@ class Heard(NamedTuple):
     received_ns: int
 
 
-class Doubt(NamedTuple):
+class UnconfirmedPosition(NamedTuple):
     """A position that is not believed yet: the newest, since when it has been said [ns], and how often."""
 
     heard: Heard
@@ -82,13 +82,13 @@ class JointTracks:
     """
 
     believed: tuple[Heard | None, ...] = ()
-    doubts: tuple[Doubt | None, ...] = ()
+    doubts: tuple[UnconfirmedPosition | None, ...] = ()
     doubted_ns: tuple[int, ...] = ()
     outcome: str = ""
     detail: str = ""
 
     def disagree(self, now_ns: int) -> bool:
-        """Whether messages contradict each other, so that nobody knows where the robot is."""
+        """Whether messages contradict each other, so that the robot's position is unknown."""
         doubted = self.doubted_ns
         return len(doubted) == DISAGREE_COUNT and (now_ns - doubted[0]) * 1e-9 <= DISAGREE_WITHIN_S
 
@@ -145,7 +145,7 @@ class JointMerger:
             return self._doubted(tracks, ours, far[0])
         if not far and any(old is not None and 0 < old.stamp_ns - new.stamp_ns <= LATE_S * 1e9 for new, old in before):
             return replace(tracks, outcome="late_joints", detail="its stamp is older than the one before")
-        # Meanwhile the joint may have had the time to get there: nobody contradicts any longer.
+        # Meanwhile the joint may have had the time to get there: no contradiction is left.
         settled = bool(far) or any(self._agrees(tracks.doubts[place], place, heard) for place, heard in ours)
         believed, doubts = list(tracks.believed), list(tracks.doubts)
         for place, heard in ours:
@@ -194,7 +194,7 @@ class JointMerger:
                 return False
         return True
 
-    def _agrees(self, doubt: Doubt | None, place: int, heard: Heard) -> bool:
+    def _agrees(self, doubt: UnconfirmedPosition | None, place: int, heard: Heard) -> bool:
         """Whether a position confirms one that was doubted, and every message since the first of those did."""
         return doubt is not None and doubt.times >= BELIEVE_TIMES and self._can_be(place, doubt.heard, heard)
 
@@ -204,9 +204,9 @@ class JointMerger:
         for place, heard in ours:
             doubt = doubts[place]
             if doubt is None or not self._can_be(place, doubt.heard, heard):
-                doubts[place] = Doubt(heard, heard.received_ns, 1)
+                doubts[place] = UnconfirmedPosition(heard, heard.received_ns, 1)
             else:
-                doubts[place] = Doubt(heard, doubt.since_ns, doubt.times + 1)
+                doubts[place] = UnconfirmedPosition(heard, doubt.since_ns, doubt.times + 1)
         doubted_ns = (*tracks.doubted_ns, said[far].received_ns)[-DISAGREE_COUNT:]
         before = tracks.believed[far]
         step = 0.0 if before is None else said[far].position_rad - before.position_rad

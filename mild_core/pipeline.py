@@ -16,7 +16,7 @@ from mild_core.retargeting.stage import Request, Retargeting, RetargetingInput, 
 from mild_core.signals import FeatureWindow, JointCommand, JointMeasurement, MotionWindow, PersonPose, SkeletonFrame
 
 People = tuple[SkeletonFrame, ...]
-"""Everyone in one tracker message; empty when it sees nobody."""
+"""Everyone in one tracker message; empty when it sees no person."""
 
 PipelineInput = People | JointMeasurement | Request | None
 """A tracker message, the robot's own state, a request of the operator, or None: one tick of the control clock."""
@@ -80,7 +80,7 @@ class Pipeline:
         if isinstance(given, JointMeasurement):
             inference, _ = self.inference.step(inference, given, now_ns)
         if given == Request("reset"):
-            perception, inference = self.perception.afresh(perception), self.inference.afresh(inference)
+            perception, inference = self.perception.reset(perception), self.inference.reset(inference)
         return perception, inference, PipelineOutput()
 
 

@@ -28,7 +28,7 @@ def require_shape(name: str, array: NDArray[Any], shape: tuple[int | None, ...])
 
 
 def read_only(values: ArrayLike) -> FloatArray:
-    """A float64 array that nobody can change: `values` itself where it already is one, otherwise a copy."""
+    """An immutable float64 array: `values` itself where it already is one, otherwise a copy."""
     if isinstance(values, np.ndarray) and values.dtype == np.float64 and not values.flags.writeable:
         return values
     array: FloatArray = np.array(values, dtype=np.float64)

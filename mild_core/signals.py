@@ -104,7 +104,7 @@ class BodySegments:
 
 
 NO_SEGMENTS = BodySegments((), (), np.zeros((0, 2, 3)), np.zeros((0, 2, 3)), np.zeros(0))
-"""Nobody is in view."""
+"""No person is in view."""
 
 UNKNOWN_DIRECTION = read_only(np.full(3, np.nan))
 
@@ -138,7 +138,7 @@ class PersonPose:
 
     Attributes:
         stamp_ns: Of the skeleton it was seen in.
-        frame_id: `ROBOT_FRAME`, or `ARM_FRAME` when nobody has said where the camera stands: retargeting then takes
+        frame_id: `ROBOT_FRAME`, or `ARM_FRAME` when the camera's pose is unknown: retargeting then takes
             the person to stand where people stood before the robot in the model's recordings.
         hand_m: (3,) middle of the watched hand, as it is: with the person's own bones, a left one not mirrored.
         head_m: (3,) middle of the head.
@@ -245,7 +245,7 @@ class JointMeasurement:
         places = {name: place for place, name in enumerate(self.joint_names)}
         missing = [name for name in joint_names if name not in places]
         if missing:
-            raise DataError("joints_missing", f"it tells nothing of {', '.join(missing)}")
+            raise DataError("joints_missing", f"it lacks {', '.join(missing)}")
         positions = self.positions_rad[[places[name] for name in joint_names]]
         if not np.isfinite(positions).all():
             raise DataError("not_finite", "a joint's position is NaN or infinite")

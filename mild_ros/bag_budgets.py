@@ -176,7 +176,7 @@ def check_file(file: Path, named: Path) -> None:
     """Refuse what is no regular file, lies outside of the bag's folder, or is no more than a claim.
 
     The user's own word counts: what `named` itself leads to is the bag, wherever it lies. Beneath it, a link may lead
-    anywhere in the bag's folder, and nowhere else, because whoever made the bag made the link too.
+    anywhere in the bag's folder, and nowhere else, because the bag's sender made the link too.
 
     Args:
         file: The bag itself, or a file in its folder.
@@ -385,7 +385,7 @@ def _bounded_database(connection: Any) -> None:
     """Bound each query of a database that rosbags opens; apsw calls it for every new connection."""
     account, steps = _account.get(), 0
 
-    def begun(*_: Any) -> bool:
+    def started(*_: Any) -> bool:
         nonlocal steps
         steps = 0
         return True
@@ -395,7 +395,7 @@ def _bounded_database(connection: Any) -> None:
         steps += STEPS_AT_ONCE
         return steps > STEPS_FREE + STEPS_PER_BYTE * account.bag_bytes
 
-    connection.set_exec_trace(begun)
+    connection.set_exec_trace(started)
     connection.set_progress_handler(progressed, STEPS_AT_ONCE)
     connection.limit(apsw.SQLITE_LIMIT_LENGTH, CHUNK_BYTES)
     connection.set_authorizer(only_reading)

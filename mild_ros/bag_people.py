@@ -62,7 +62,7 @@ def skeleton_feeds(bag: BagReader, source: SkeletonSource, wanted: str = "") -> 
 def source_fault(
     bag: BagReader, source: SkeletonSource, wanted: str = "", looked_at: int | None = LOOKED_AT
 ) -> tuple[str, str]:
-    """Why nobody can be seen in a bag's messages with a source, and what to do; empty when somebody may be.
+    """Why no person can be seen in a bag's messages with a source, and what to do; empty when one may be.
 
     It says what the live check of the source says, and only looks at what messages are made of.
 

@@ -10,7 +10,7 @@ from mild_ros.parameters import parameter
 from mild_ros.tracker_settings import TrackerParameters
 
 FIRST_HEARD = "first message on {}"
-"""What the recorder says of a topic, for whoever waits for it."""
+"""What the recorder logs of a topic, for a process that waits for it."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,8 @@ class ReplayParameters(TrackerParameters):
     paused: bool = parameter(False, "Wait, before the first message, until `~/pause` is called with false.")
     restamp: bool = parameter(True, "In real time: give messages the time of their sending, as a live tracker would.")
     clock: bool = parameter(
-        False, "In real time: tell the bag's time on `/clock`, for nodes with `use_sim_time`, and leave stamps alone."
+        False,
+        "In real time: publish the bag's time on `/clock`, for nodes with `use_sim_time`, and leave stamps alone.",
     )
     skeleton_topic: str = parameter(
         "", "Topic of the skeletons in the bag, for a source with a single one; empty finds it by its type."
@@ -53,7 +54,7 @@ class ReplayParameters(TrackerParameters):
     )
     joint_states: str = parameter(
         "auto",
-        "Where the robot's own state comes from: the bag, one message at home, or somebody else (none); auto takes "
+        "Where the robot's own state comes from: the bag, one message at home, or another publisher (none); auto takes "
         "the bag's in lock-step (home if it has none) and none in real time, where a robot is there.",
         choices=("auto", "bag", "home", "none"),
     )

@@ -53,7 +53,7 @@ def jazzy_types() -> Typestore:
 
 
 def current_name(type_name: str) -> str:
-    """What a type is called in Jazzy: `package/msg/Type`, whoever wrote the bag and when.
+    """What a type is called in Jazzy: `package/msg/Type`, in bags of every ROS distribution.
 
     Source: ROS 1 and some writers of mcap leave `msg` out, recorders of DDS say `package::msg::dds_::Type_`.
     """
@@ -162,7 +162,7 @@ class Layouts:
         return own
 
     def convert(self, own: Typestore | None, type_name: str, *, is_ros1: bool) -> Convert | None:
-        """Brings bytes of a topic into the form of `types`; None where they have it already, or nobody knows theirs.
+        """Brings bytes of a topic into the form of `types`; None where they have it already, or theirs is unknown.
 
         Bytes that hold no message become `NO_MESSAGE`.
 

@@ -53,10 +53,10 @@ class NodeClock:
 
     Args:
         node: Whose time; its `use_sim_time` decides which.
-        diagnostics: Where a missing `/clock` is told.
+        diagnostics: Where a missing `/clock` is reported.
         on_tick: Called with now [ns] at each tick; None when the node needs none.
         rate_hz: Ticks per second.
-        timer: Whether a timer of the node ticks when it is live; otherwise whoever made this does.
+        timer: Whether a timer of the node ticks when it is live; otherwise the owner calls it.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class NodeClock:
         return self._simulated_ns if self.simulated else int(self._clock.now().nanoseconds)
 
     def standstill_s(self) -> float:
-        """For how long `/clock` has told the same time, or nothing, on the steady clock."""
+        """For how long `/clock` has shown the same time, or nothing, on the steady clock."""
         return time.monotonic() - self._advanced_s
 
     def _on_clock(self, message: Any) -> None:

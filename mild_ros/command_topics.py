@@ -12,7 +12,7 @@ JOINT_COMMAND = "joint_command"
 JOINT_COMMAND_TYPE = "sensor_msgs/msg/JointState"
 
 GENERAL_PACKAGES = ("sensor_msgs", "std_msgs")
-"""Their types carry measurements too, so that only a topic's name tells whether it commands a robot."""
+"""Their types carry measurements too, so that only a topic's name shows whether it commands a robot."""
 
 FOREIGN_NAMES = ("cmd_vel", "command", "commands")
 """Last parts of names of other software's command topics; source: the controllers of ros2_controllers, REP-119."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who may command the robot: one node, when its operator wants it to and nobody else does."""
+"""Who may command the robot: one node, when its operator wants it to and no other node does."""
 
 from __future__ import annotations
 
@@ -57,12 +57,12 @@ class Commanding:
     Two publishers of commands would pull the robot to and fro. So before the first command discovery is awaited, and
     before each one the publishers on its topics are counted. As soon as there is another one, this node stops the
     robot smoothly and falls silent, says so, and goes on when the other is gone. Of two nodes of ours neither sends
-    while both are there, whoever came first: nobody knows which of them the operator means. DDS may need twenty
+    while both are there, regardless of order: which one the operator means is unknown. DDS may need twenty
     seconds to miss one that was killed.
 
     Args:
         node: Who commands.
-        diagnostics: Where reasons are told.
+        diagnostics: Where reasons are reported.
         request: Hands a request to retargeting; to be called by control alone.
         call: Does something in the thread of control, and returns what comes of it.
         on_reset: Resets the stages before retargeting.
@@ -114,7 +114,7 @@ class Commanding:
     def send(self, commands: tuple[JointCommand, ...], state: RetargetingState) -> None:
         """Publish commands; `state` is the stage's after the last of them."""
         for command in commands:
-            self._publisher.publish(joint_command_to_msg(self._naming.told(command)))
+            self._publisher.publish(joint_command_to_msg(self._naming.renamed(command)))
             self._diagnostics.flowed(TOPIC)
         if commands:
             self._controllers.send(commands[-1], state)
@@ -159,14 +159,14 @@ class Commanding:
             if "contest" not in self._reasons:
                 self._node.get_logger().info(f"no other publisher of commands within {seconds:.1f} s: may command")
 
-    def tell(self, state: RetargetingState) -> None:
+    def report(self, state: RetargetingState) -> None:
         """Say what retargeting does and why."""
         alarms = self._diagnostics.alarms
         alarms.pop("mode", None)
         if state.joints.disagree(state.joints.newest_ns):
             alarms["mode"] = (DiagnosticStatus.ERROR, f"holding: {self._contradiction()}")
         elif state.displaced:
-            alarms["mode"] = (DiagnosticStatus.WARN, "holding: the robot is not where it was told to be")
+            alarms["mode"] = (DiagnosticStatus.WARN, "holding: the robot is not where it was commanded to be")
         elif state.silent:
             alarms["mode"] = (DiagnosticStatus.WARN, "holding: the robot has ceased to say where it is")
         elif state.mode in ATTENTION:

@@ -5,11 +5,13 @@ Whatever retargeting takes goes through a bounded inbox in which the newest wins
 of the operator are never dropped and are served at once, `~/hold` before all else: its requests lie in DDS until this
 thread takes them, at least once in a control period, however many other calls wait. Live, ticks come from the steady
 clock. With `use_sim_time` they come from `/clock`; when that stands still while the robot moves, the robot is stopped
-on the steady clock. In lock-step there is no thread: each input is taken where it comes (`StageNode.is_in_order`).
+on the steady clock. The thread has real-time priority where that is allowed. In lock-step there is no thread: each
+input is taken where it comes (`StageNode.is_in_order`).
 """
 
 from __future__ import annotations
 
+import os
 import sys
 import threading
 import time
@@ -24,9 +26,9 @@ from mild_core.signals import JointCommand, JointMeasurement, MotionWindow, Pers
 from mild_ros.clock import NodeClock
 from mild_ros.commanding import Commanding
 from mild_ros.diagnostics import Diagnostics
-from mild_ros.fates import Fates
 from mild_ros.life_topics import LifeTopics
 from mild_ros.messages.stamps import NANOSECONDS_PER_SECOND
+from mild_ros.outcomes import OutcomePublisher
 from mild_ros.settings import RetargetingParameters
 from mild_ros.threads import StageNode
 
@@ -37,7 +39,7 @@ MOTION_PERIOD_S = 0.005
 """A motion is answered at once, but not sooner than this after the one before: models answer at 40 Hz."""
 
 STANDSTILL_S = 0.2
-"""`/clock` that has not advanced for so long stands still; a slow simulation tells the time at 10 Hz."""
+"""`/clock` that has not advanced for so long stands still; a slow simulation publishes at 10 Hz."""
 
 SWITCH_S = 0.0001
 """Python hands its lock to a thread that waits for it after this time, not after 5 ms."""
@@ -45,6 +47,9 @@ SWITCH_S = 0.0001
 ANSWER_S = 5.0
 """Control answers within a period; a machine that gives it no time for so long has stopped."""
 
+
+PRIORITY = 50
+"""Of control among real-time threads; source: what ros2_control gives its own."""
 
 END_S = 1.0
 """A smooth stop takes 0.3 s; a node that is to end ends after this time in any case."""
@@ -71,6 +76,15 @@ def kind_of(given: RetargetingInput) -> str:
     """What an input is called in diagnostics."""
     kinds = ((JointMeasurement, "measurement"), (PersonPose, "person"), (MotionWindow, "motion"))
     return next((name for kind, name in kinds if isinstance(given, kind)), "request")
+
+
+def in_real_time() -> bool:
+    """Give this thread real-time priority, but none that it starts; whether that is allowed (limits.conf, root)."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(PRIORITY))
+    except (OSError, AttributeError):  # not allowed; no such thing on this system
+        return False
+    return True
 
 
 class _Call:
@@ -121,7 +135,7 @@ class Control:
         stage: Retargeting,
         parameters: RetargetingParameters,
         diagnostics: Diagnostics,
-        outcomes: Fates,
+        outcomes: OutcomePublisher,
         on_reset: Callable[[], None],
         age: str,
         tick_age: str = "",
@@ -211,6 +225,7 @@ class Control:
         return self.clock.now_ns() + (self._standing_ns or 0)
 
     def _run(self) -> None:
+        self._diagnostics.facts["control priority"] = "real time" if in_real_time() else "normal"
         next_s = time.monotonic()
         # Each part by itself: a fault in one of them costs neither the commands nor the smooth stop.
         guard, watch = self._node.guard, self._node.guard("control", self.commanding.watch)
@@ -297,7 +312,7 @@ class Control:
             if entry.stamp_ns is not None:
                 outcomes.append((self.state.outcome, entry.stamp_ns))
             self._diagnostics.ended("retargeting", self.state.outcome, self.state.counts, self.state.detail)
-        self._life.tell(self.state, commands)
+        self._life.publish(self.state, commands)
         self.commanding.send(commands, self.state)
         if commands:
             self._diagnostics.took("control step", time.perf_counter_ns() - started_ns)

@@ -106,7 +106,7 @@ class ControllerMessages:
                 since_s = (command.stamp_ns - previous.stamp_ns) * 1e-9
                 if 0.0 <= since_s < output.period_s - (1.0 - TOLERANCE) * TICK_S:
                     continue
-            named = self._naming.told(command)
+            named = self._naming.renamed(command)
             self._previous[name] = named
             outgoing = Outgoing(named, self._robot, self._order, previous, trajectory)
             made.append(ControllerMessage(name, output.message(kind, outgoing)))

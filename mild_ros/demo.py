@@ -35,7 +35,7 @@ READY = "through {}"
 """What the pipeline says last of its model when it is at work."""
 
 OVERDUE_S = 60.0
-"""So long after its end a bag is given up: whoever waits for what it causes waits in vain."""
+"""Longest wait after the end of a bag [s]."""
 
 TOPICS = (
     *("joint_states", JOINT_COMMAND, "motion", "motion_state", "interaction", "true_motion", "handled"),
@@ -89,7 +89,7 @@ def run_nodes(
         bag: The bag.
         out: Folder for the recorded bag and the nodes' logs; an earlier run there is replaced.
         options: How.
-        progress: Told what goes on.
+        progress: Called with what goes on.
         when_ready: Called before the first message, when everybody is at work.
 
     Returns:
@@ -98,7 +98,7 @@ def run_nodes(
     Raises:
         SetupError: The bag is broken, or a node failed.
     """
-    import_module("rclpy")  # where it is missing, that is told here and not by the first node
+    import_module("rclpy")  # where it is missing, report it here and not in the first node
     with open_bag(bag, salvage=options.salvage) as opened:
         duration_s = max(opened.duration_s - options.start_s, LOOK_S) / options.rate
         feeds = skeleton_feeds(opened, skeleton_source(options.pipeline), options.skeleton_topic)
@@ -124,25 +124,25 @@ def _start_listeners(nodes: Nodes, recorded: Path, skeleton_topics: list[str], o
     """Start all nodes but the one that sends the bag."""
     sim_time: dict[str, Any] = {"use_sim_time": True} if options.lock_step else {}
     # The simulated robot has our names of its joints, whatever those of the real one's driver are.
-    told = {name: value for name, value in changed(options.pipeline).items() if name not in DRIVERS_NAMES}
-    simulated = {name: told[name] for name in ("robot", "robot_description") if name in told}
+    changes = {name: value for name, value in changed(options.pipeline).items() if name not in DRIVERS_NAMES}
+    simulated = {name: changes[name] for name in ("robot", "robot_description") if name in changes}
     outputs = options.pipeline.outputs
     nodes.start("simulation", simulated | sim_time)
     recording = {"bag": recorded.resolve(), "topics": [*TOPICS, *outputs, *skeleton_topics]}
     nodes.start("record", recording | {"report_recorded": options.lock_step} | sim_time)
-    nodes.start("pipeline", told | {"report_handled": True} | sim_time)
+    nodes.start("pipeline", changes | {"report_handled": True} | sim_time)
 
 
 def _follow(nodes: Nodes, duration_s: float, progress: Progress, longest_s: float, *, forever: bool) -> None:
     """Wait until the bag has ended, and until what it caused is over; KeyboardInterrupt ends one that never does."""
     begin_s, what = time.monotonic(), REPLAYING[forever]
 
-    def tell() -> None:
+    def report_progress() -> None:
         share = (time.monotonic() - begin_s) / duration_s
         progress(what, share % 1.0 if forever else min(share, 1.0))
 
     try:
-        _until(lambda: nodes.has_ended("replay"), nodes, tell, longest_s, "did not end")
+        _until(lambda: nodes.has_ended("replay"), nodes, report_progress, longest_s, "did not end")
     except KeyboardInterrupt:
         if not forever:
             raise
@@ -172,14 +172,15 @@ def _until(
     happened: Callable[[], bool],
     nodes: Nodes,
     meanwhile: Callable[[], None],
-    patience_s: float = DISCOVERY_S,
+    patience_s: float | None = None,
     problem: str = "do not hear each other",
 ) -> None:
     """Wait until `happened`, looking after the nodes.
 
     Raises:
-        SetupError: One has failed, or it took longer than `patience_s`, which is the `problem` then.
+        SetupError: One has failed, or it took longer than `patience_s` (or `DISCOVERY_S`), which is the `problem` then.
     """
+    patience_s = DISCOVERY_S if patience_s is None else patience_s
     deadline_s = time.monotonic() + patience_s
     while not happened():
         nodes.check("replay")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a node tells its operator: one `/diagnostics` status a second, and a line in the log for what goes wrong."""
+"""A node's report to its operator: one `/diagnostics` status a second, and a log line for what goes wrong."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ LONGEST = 2000
 FAILURE_S = 10.0
 """A failure of a callback is an ERROR for so long."""
 
-OTHER_USER = ": as another user, or in a container? ./mild doctor tells"
+OTHER_USER = ": as another user, or in a container? ./mild doctor shows"
 """Why what is published does not come: shared memory is one user's."""
 
 UNREMARKABLE = {
-    "perception": {"accepted", "calibrating", "calibrated", "nobody"},
+    "perception": {"accepted", "calibrating", "calibrated", "no_person"},
     "inference": {"accepted", "measured", "other_joints"},
     "retargeting": {"accepted", "tick", "measured", "other_joints", "person", "not_enabled"}
     | {"enabled", "disabled", "reset", "held", "released"},
@@ -132,7 +132,7 @@ class Diagnostics:
             self.complain(f"{topic} {reason}", detail)
 
     def failed(self, where: str, reason: str, detail: str) -> None:
-        """A callback raised what nobody foresaw, see `guarded`: an ERROR for a while, beside the count."""
+        """A callback raised an unexpected exception, see `guarded`: an ERROR for a while, beside the count."""
         self.unreadable(where, reason, detail)
         with self._lock:
             self._failures[printable(f"{where} {detail}", 160)] = time.monotonic()
@@ -179,7 +179,7 @@ class Diagnostics:
         return (found[0][0] if found else DiagnosticStatus.OK), [text for _, text in found]
 
     def _unheard(self, topic: str) -> str:
-        """Who publishes a topic of which nothing has come; "" for nobody."""
+        """Who publishes a topic of which nothing has come; "" for no publisher."""
         offers = self._node.get_publishers_info_by_topic(self._node.resolve_topic_name(topic))
         return f", which {publisher_names(offers)} could publish{OTHER_USER}" if offers else ""
 
@@ -190,7 +190,7 @@ class Diagnostics:
             values[f"{topic} rate [Hz]"] = f"{stream.take_rate_hz(elapsed_s):.1f}"
             values[f"{topic} count"] = str(stream.count)
             if stream.lost:
-                values[f"{topic} lost before the callback"] = str(stream.lost)
+                values[f"{topic} dropped before the callback"] = str(stream.lost)
         for what, spread in self._spreads.items():
             if (times_ms := spread.take_ms()) is not None:
                 for name, value in zip(("p50", "p99", "max"), times_ms, strict=True):

@@ -2,7 +2,7 @@
 """The parts of the documents that are written from the code; a test holds each document to them.
 
 A document marks the place with `<!-- generated: NAME -->` and, on a later line, `<!-- end -->`. Bring them up to date
-with `python -m mild_ros.documentation README.md ...`.
+with `python -m mild_ros.documentation docs/reference.md ...`.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from mild_ros.quality_of_service import (
     BETWEEN_STAGES,
     CLOCK,
     COMMAND,
-    FATE,
+    HANDLED,
     LATCHED,
     SENSOR,
     STATE,
@@ -81,7 +81,7 @@ TOPICS = (
     Topic(
         "belief", "std_msgs/Float64MultiArray", "inference", "tools", "over the components of the interaction's prior"
     ),
-    Topic("interaction", "std_msgs/String", "inference", "tools", "the recognised interaction, kept for late comers"),
+    Topic("interaction", "std_msgs/String", "inference", "tools", "the recognised interaction, latched"),
     Topic(
         *("joint_command", "sensor_msgs/JointState", "retargeting", "robot or simulation"),
         "positions [rad] and velocities [rad/s] inside every limit",
@@ -100,7 +100,7 @@ TOPICS = (
     ),
     Topic(
         *("robot_description", "std_msgs/String", "simulation", "tools"),
-        "the simulated robot's URDF, kept for late comers",
+        "the simulated robot's URDF, latched",
     ),
     Topic(
         *("joint_states", "sensor_msgs/JointState", "robot, simulation or replay", "inference, retargeting"),
@@ -112,11 +112,11 @@ TOPICS = (
     ),
     Topic(
         *("mode", "std_msgs/String", "retargeting", "operators"),
-        "waiting, idle, ready, following, holding, returning, disabled or held; kept for late comers",
+        "waiting, idle, ready, following, holding, returning, disabled or held; latched",
     ),
     Topic(
         *("stiffness", "std_msgs/Float64", "retargeting", "robot or simulation"),
-        "a hint: 1 while the arm moves by itself, down to 0.3 while hands touch; kept for late comers",
+        "a hint: 1 while the arm moves by itself, down to 0.3 while hands touch; latched",
     ),
     Topic(
         *("markers", "visualization_msgs/MarkerArray", "markers", "people"),
@@ -124,7 +124,7 @@ TOPICS = (
     ),
     Topic(
         *("handled", "std_msgs/Header", "every stage", "replay"),
-        "the fate of each input, for a replay in lock-step; only with `report_handled`",
+        "the outcome of each input, for a replay in lock-step; only with `report_handled`",
     ),
     Topic(
         *("recorded", "std_msgs/Header", "record", "replay"),
@@ -149,7 +149,7 @@ DELIVERY = {
     "COMMAND": (", ".join(f"`{topic}`" for topic in command_types()), COMMAND),
     "LATCHED": ("`interaction`, `mode`, `stiffness`, `robot_description`", LATCHED),
     "STATIC_TRANSFORMS": ("`/tf_static`", STATIC_TRANSFORMS),
-    "FATE": ("`handled`, `recorded`", FATE),
+    "HANDLED": ("`handled`, `recorded`", HANDLED),
     "CLOCK": ("`/clock` where it is taken", CLOCK),
 }
 """How each topic is delivered, by the name in `quality_of_service`."""
@@ -157,7 +157,7 @@ DELIVERY = {
 
 def qualities_markdown() -> str:
     """Quality of service by topic."""
-    lines = ["| Topics | Reliability | Kept for late comers | Depth |", "|---|---|---|---:|"]
+    lines = ["| Topics | Reliability | Latched | Depth |", "|---|---|---|---:|"]
     for topics, quality in DELIVERY.values():
         reliability = quality.reliability.name.lower().replace("_", " ")
         kept = "yes" if quality.durability is DurabilityPolicy.TRANSIENT_LOCAL else "no"
@@ -233,7 +233,7 @@ SECTIONS: dict[str, Callable[[], str]] = {
 
 
 def filled(text: str, name: str) -> str:
-    """A document with every marked place written anew.
+    """A document with every marked place regenerated.
 
     Args:
         text: The document.

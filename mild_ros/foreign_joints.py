@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a bag tells where our robot was, or where another one was."""
+"""Whether a bag's joint states are of our robot, or of another one."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from mild_core.errors import DataError
 from mild_ros.bags import BagReader
 
 LOOKED_AT = 20
-"""Messages of which one names all joints of the robot, if it is there: drivers tell of a gripper by itself."""
+"""Messages of which one names all joints of the robot, if it is there: drivers publish a gripper by itself."""
 
 
 def foreign_joints(bag: BagReader, wanted: Sequence[str]) -> str:

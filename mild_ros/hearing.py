@@ -26,9 +26,11 @@ from rclpy.node import Node
 from rclpy.task import Future
 from std_msgs.msg import String
 
+from mild_core.errors import SetupError
 from mild_ros.dds_variables import PAIRED, UNNAMED
 from mild_ros.message_types import message_class
 from mild_ros.quality_of_service import SENSOR
+from mild_ros.ros_errors import refused_in_one_line
 
 PERIOD_S = 0.05
 OWN_NAME = "mild_doctor_"
@@ -44,7 +46,7 @@ MOST_TOPICS = 60
 """So many are listened to."""
 
 STAY_S = 1.0
-"""Whoever has heard the other one goes on for so long, for the other one's sake."""
+"""A process that has heard its peer goes on for this long, so that the peer hears it too [s]."""
 
 
 def hello(node: Node, name: str, seconds: float, wanted: str = "") -> list[str]:
@@ -59,7 +61,7 @@ def hello(node: Node, name: str, seconds: float, wanted: str = "") -> list[str]:
         heard.add(message.data)
 
     def others() -> set[str]:
-        """Names of others; whoever looks for anybody means no pair of processes that look for each other."""
+        """Names of others; a process that looks for all others excludes pairs that look for each other."""
         return {one for one in heard - {name} if wanted or not one.startswith(PAIRED)}
 
     node.create_subscription(String, "/mild_doctor", take, 10)
@@ -109,7 +111,7 @@ class Sender:
 def senders(node: Node, seconds: float) -> dict[str, dict[str, Any]]:
     """Every other node of the domain: what it publishes, what arrived of that, and whether it answers.
 
-    Who publishes what is told by DDS itself, names of nodes by a message: of a node that is seen and not heard the name
+    Publishers are known from DDS itself, names of nodes from a message: of a node that is seen and not heard the name
     is missing, here `UNNAMED`.
     """
     came: set[str] = set()
@@ -149,7 +151,7 @@ def _note(came: set[str], topic: str, _data: bytes) -> None:
 
 
 def _ask(node: Node, name: str, asked: dict[str, tuple[Client, Future]]) -> None:
-    """Ask a node once for its parameters, as soon as it is seen to serve them: whoever runs and is heard answers."""
+    """Ask a node once for its parameters, as soon as it is seen to serve them: every reachable node answers."""
     service = f"{name}/list_parameters"
     if name in asked or name == UNNAMED or service not in dict(node.get_service_names_and_types()):
         return
@@ -171,8 +173,12 @@ def _answer_alone() -> int:
 def main(words: list[str]) -> None:
     """Run one of them and print."""
     answer = _answer_alone()
-    rclpy.init(args=[])
-    node = rclpy.create_node(f"{OWN_NAME}{time.monotonic_ns()}")
+    try:
+        with refused_in_one_line():
+            rclpy.init(args=[])
+            node = rclpy.create_node(f"{OWN_NAME}{time.monotonic_ns()}")
+    except SetupError as error:
+        sys.exit(error.problem)
     try:
         if words[0] == "hello":
             found: Any = hello(node, words[1], float(words[2]), *words[3:])

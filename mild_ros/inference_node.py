@@ -12,13 +12,13 @@ from mild_core.errors import DataError
 from mild_ros.assembly.inference import load, make_inference
 from mild_ros.clock import NodeClock
 from mild_ros.diagnostics import Diagnostics
-from mild_ros.fates import Fates
 from mild_ros.joint_naming import joint_naming
 from mild_ros.messages.feature_window import feature_window_from_msg
 from mild_ros.messages.joint_state import joint_measurement_from_msg
 from mild_ros.messages.stamps import ns_from_msg
 from mild_ros.motion_topics import MotionTopics
 from mild_ros.operator_services import OperatorServices
+from mild_ros.outcomes import OutcomePublisher
 from mild_ros.parameters import declare
 from mild_ros.quality_of_service import BETWEEN_STAGES, SENSOR
 from mild_ros.reception import JOINTS_KEPT, JOINTS_PER_S, Reception
@@ -39,7 +39,7 @@ class InferenceNode(StageNode):
         self._state = self._stage.init()
         self._diagnostics = Diagnostics(self, expected=("feature_window",))
         self._diagnostics.facts["model"] = parameters.model
-        self._fates = Fates(self, parameters.report_handled)
+        self._outcomes = OutcomePublisher(self, parameters.report_handled)
         self._reception = Reception(self, self._diagnostics)
         self._topics = MotionTopics(self, model.manifest, self._diagnostics)
         self._time = NodeClock(self, self._diagnostics)
@@ -60,15 +60,15 @@ class InferenceNode(StageNode):
             window = feature_window_from_msg(message, self._joint_names)
         except DataError as error:
             self._diagnostics.unreadable("feature_window", error.reason, error.detail)
-            self._fates.report("inference", 0, error.reason, stamp_ns)
+            self._outcomes.report("inference", 0, error.reason, stamp_ns)
             return
         if not self._operator.enabled:
-            self._fates.report("inference", 0, "not_enabled", stamp_ns)
+            self._outcomes.report("inference", 0, "not_enabled", stamp_ns)
             return
         self._state, motions = self._stage.step(self._state, window, now_ns)
         for motion in motions:
             self._topics.publish_motion(motion)
-        self._fates.report("inference", len(motions), self._state.outcome, stamp_ns)
+        self._outcomes.report("inference", len(motions), self._state.outcome, stamp_ns)
         for motion in motions:
             self._topics.publish_recognition(motion)
             self._diagnostics.summary = motion.interaction or "unknown"
@@ -82,15 +82,15 @@ class InferenceNode(StageNode):
             measurement = self._naming.understood(joint_measurement_from_msg(message))
         except DataError as error:
             self._diagnostics.unreadable("joint_states", error.reason, error.detail)
-            self._fates.report("inference", 0, error.reason, stamp_ns)
+            self._outcomes.report("inference", 0, error.reason, stamp_ns)
             return
         self._state, _ = self._stage.step(self._state, measurement, now_ns)
-        self._fates.report("inference", 0, self._state.outcome, stamp_ns)
+        self._outcomes.report("inference", 0, self._state.outcome, stamp_ns)
         self._diagnostics.ended("inference", self._state.outcome, self._state.counts, self._state.detail)
 
     def _reset(self) -> str:
         with self._reception.lock:
-            self._state = self._stage.afresh(self._state)
+            self._state = self._stage.reset(self._state)
         return "forgot what it believed"
 
 

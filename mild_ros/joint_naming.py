@@ -21,7 +21,7 @@ class JointNaming:
     ours: tuple[str, ...]
     theirs: tuple[str, ...]
 
-    def told(self, command: JointCommand) -> JointCommand:
+    def renamed(self, command: JointCommand) -> JointCommand:
         """A command with their names."""
         return command if self.ours == self.theirs else replace(command, joint_names=self.theirs)
 

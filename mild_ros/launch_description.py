@@ -50,7 +50,7 @@ def describe(name: str) -> LaunchDescription:
         else _node(wanted, one, given)
         for one in wanted.nodes
     ]
-    # Whoever could not start has said why, and replay would wait for it; others may be about to say the same.
+    # A node that could not start has said why, and replay would wait for it; others may be about to say the same.
     failed = OnProcessExit(
         on_exit=lambda event, _: (
             TimerAction(period=FAILED_S, actions=[Shutdown(reason="a node has failed")]) if event.returncode else None
@@ -62,7 +62,7 @@ def describe(name: str) -> LaunchDescription:
 def _by_camera(
     context: LaunchContext, wanted: Launch, one: Started, given: dict[str, LaunchConfiguration]
 ) -> list[Node]:
-    """A node that is told where the camera stands, if that is known."""
+    """A node with the camera's pose, if that is known."""
     camera = camera_of({name: value.perform(context) for name, value in given.items()})
     return [_node(wanted, one, given, {CAMERA: ParameterValue(camera, value_type=str)} if camera else {})]
 
@@ -71,7 +71,7 @@ def _node(
     wanted: Launch,
     one: Started,
     given: dict[str, LaunchConfiguration],
-    told: Mapping[str, ParameterValue] | None = None,
+    overrides: Mapping[str, ParameterValue] | None = None,
 ) -> Node:
     """A node, as `ros2 launch` starts it."""
     stem = PythonExpression(["'", given["config"], "'.removesuffix('.yaml')"])
@@ -97,7 +97,7 @@ def _node(
         name=one.executable,
         namespace=given["namespace"],
         ros_arguments=config if one.configured else [],
-        parameters=[values | dict(one.fixed) | dict(told or {})],
+        parameters=[values | dict(one.fixed) | dict(overrides or {})],
         remappings=[(topic, given[argument]) for topic, argument in one.topics.items()],
         output="screen",
         **more,

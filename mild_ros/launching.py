@@ -63,7 +63,7 @@ class Started:
         only_with: Argument without which (empty) the node is not started; "" for none.
         respawned: Whether the argument `respawn` is for this node.
         ends_all: Whether the end of this node is the end of the launch.
-        sees_by_camera: Whether it is told where the camera stands, see `camera_of`.
+        sees_by_camera: Whether it takes the camera's pose, see `camera_of`.
     """
 
     executable: str
@@ -166,7 +166,7 @@ LAUNCHES: Mapping[str, Launch] = {
 
 
 def camera_of(given: Mapping[str, str]) -> str:
-    """What to tell a node that sees people by a camera: as given, else where the bag says it stood; "" for nothing.
+    """The camera pose for a node that sees people by a camera: as given, else where the bag says it stood; else "".
 
     Raises:
         BagError: The bag says it badly.
@@ -292,7 +292,7 @@ def run_launch(launch: Launch, given: Mapping[str, str]) -> int:
 
 @contextmanager
 def _ended(running: Mapping[str, subprocess.Popen[bytes]]) -> Iterator[None]:
-    """At its end all processes are asked to end, then told, then ended."""
+    """At its end all processes get SIGINT, then SIGTERM, then SIGKILL."""
     try:
         yield
     finally:

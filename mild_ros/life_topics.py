@@ -16,7 +16,7 @@ from mild_ros.quality_of_service import LATCHED, SERVICE
 from mild_ros.threads import StageNode
 
 STIFFNESS_STEP = 0.02
-"""Smaller changes are not told: nobody feels them."""
+"""Smaller changes are not published: they cannot be felt."""
 
 HOLDS_AT_ONCE = 16
 """Requests of `~/hold` that are served in one control period: so many take a tenth of it."""
@@ -48,7 +48,7 @@ class LifeTopics:
                 return
             self._service.send_response(self._service.callback(wish, SetBool.Response()), header)
 
-    def tell(self, state: RetargetingState, commands: tuple[JointCommand, ...]) -> None:
+    def publish(self, state: RetargetingState, commands: tuple[JointCommand, ...]) -> None:
         """Say what has changed."""
         if state.mode.value != self._mode:
             self._mode = state.mode.value

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """DDS that stays on this machine: the environment of own processes, whatever the user's says.
 
-Discovery range LOCALHOST alone keeps nobody out who knows this machine's address: Fast DDS goes on listening on every
-network, and answers a peer that names it in `ROS_STATIC_PEERS`. The profile of `config/fastdds_local.xml` opens no
-socket but on 127.0.0.1, and shared memory. Both belong together.
+Discovery range LOCALHOST alone does not keep out peers that know this machine's address: Fast DDS goes on listening on
+every network, and answers a peer that names it in `ROS_STATIC_PEERS`. The profile of `config/fastdds_local.xml` opens
+no socket but on 127.0.0.1, and shared memory. Both belong together.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
-from mild_ros.share import share_folder
+from mild_core.resources import share_folder
 
 FOREIGN = ("ROS_", "RMW_", "RCL_", "RCUTILS_", "FASTDDS_", "FASTRTPS_", "CYCLONEDDS_", "ZENOH_", "NDDS_")
 """Variables that begin so lead a process elsewhere, or to other people's settings; own processes run without them."""

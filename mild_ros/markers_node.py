@@ -49,7 +49,7 @@ class MarkersNode(GuardedNode):
         there = manifest.robot_from_human
         self._standing = Standing(there.translation_m, there.yaw_rad, there.by_interaction)
         self._drawing = Drawing(self._robot)
-        self._told_s = self._bodies_told_s = 0.0
+        self._published_s = self._bodies_published_s = 0.0
         self._interaction = ""
         self._person: PersonPose | None = None
         self._diagnostics = Diagnostics(self, expected=("feature_window",))
@@ -65,9 +65,9 @@ class MarkersNode(GuardedNode):
         except DataError as error:
             self._diagnostics.unreadable("person", error.reason, error.detail)
             return
-        if time.monotonic() - self._bodies_told_s < PERIOD_S or not self._markers.get_subscription_count():
+        if time.monotonic() - self._bodies_published_s < PERIOD_S or not self._markers.get_subscription_count():
             return
-        self._bodies_told_s, segments = time.monotonic(), self._person.segments
+        self._bodies_published_s, segments = time.monotonic(), self._person.segments
         standing = self._standing.place(self._interaction, None, 0.0)
         ends_m = self._standing.placed(segments.ends_m, self._person.frame_id, standing)
         now_ns = self.get_clock().now().nanoseconds
@@ -92,9 +92,9 @@ class MarkersNode(GuardedNode):
         before = self._state
         self._state, motions = self._stage.step(before, window, 0)
         self._diagnostics.ended("inference", self._state.outcome, self._state.counts, self._state.detail)
-        if not motions or time.monotonic() - self._told_s < PERIOD_S or not self._markers.get_subscription_count():
+        if not motions or time.monotonic() - self._published_s < PERIOD_S or not self._markers.get_subscription_count():
             return
-        self._told_s, (motion,) = time.monotonic(), motions
+        self._published_s, (motion,) = time.monotonic(), motions
         self._interaction = motion.interaction
         now_ns, draw = self.get_clock().now().nanoseconds, self._drawing
         markers = draw.predicted(motion, now_ns) + draw.robot_hand(self._joints, now_ns)

@@ -7,7 +7,7 @@ import numpy as np
 
 
 class Spread:
-    """Times of the last interval [ns], told as p50, p99 and max."""
+    """Times of the last interval [ns], reported as p50, p99 and max."""
 
     def __init__(self) -> None:
         self._values_ns: list[int] = []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a node tells of the motion it has inferred: to retargeting, to people and to tools."""
+"""Publishers of the predicted motion: for retargeting, people and tools."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class MotionTopics:
     Args:
         node: Who infers.
         manifest: Of the model: its interactions, and whether it moves joints or a partner's arm.
-        diagnostics: Where the newest motion is told too.
+        diagnostics: Where the newest motion is reported too.
     """
 
     def __init__(self, node: Node, manifest: Manifest, diagnostics: Diagnostics) -> None:
@@ -46,7 +46,7 @@ class MotionTopics:
         self._diagnostics.flowed("motion")
 
     def are_heard(self) -> bool:
-        """Whether anybody listens to the pair."""
+        """Whether the pair has a subscriber."""
         return bool(self._motion.get_subscription_count() or self._state.get_subscription_count())
 
     def publish_recognition(self, motion: MotionWindow) -> None:
@@ -81,7 +81,7 @@ class InsideTopics:
         self._person = node.create_publisher(PointCloud2, "person", BETWEEN_STAGES)
 
     def publish(self, output: PipelineOutput) -> None:
-        """Tell what one input led to."""
+        """Publish what one input led to."""
         if self._wanted and output.windows and self._windows.get_subscription_count():
             for window in output.windows:
                 self._windows.publish(feature_window_to_msg(window))

@@ -22,6 +22,7 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 from mild_core.errors import SetupError
+from mild_ros.ros_errors import refused_in_one_line
 from mild_ros.running import domain_id
 
 DISCOVERY_S = 8.0
@@ -108,12 +109,12 @@ class OperatorClient:
         """Publish a text once, to all who listen; returns how many.
 
         Raises:
-            SetupError: Nobody does.
+            SetupError: No node does.
         """
         publisher = self._node.create_publisher(String, topic, 10)
         self._until(lambda: publisher.get_subscription_count() > 0, DISCOVERY_S)
         if not publisher.get_subscription_count():
-            problem = f"nobody listens in ROS domain {domain_id()} within {DISCOVERY_S:g} s"
+            problem = f"no node listens in ROS domain {domain_id()} within {DISCOVERY_S:g} s"
             raise SetupError(topic, problem, "start ./mild record first; same ROS_DOMAIN_ID? see ./mild doctor")
         self._until(lambda: False, SETTLE_S)
         publisher.publish(String(data=text))
@@ -164,12 +165,13 @@ def operator_client() -> Iterator[OperatorClient]:
     """An `OperatorClient` in the domain of this terminal.
 
     Raises:
-        SetupError: `ROS_DOMAIN_ID` is wrong.
+        SetupError: ROS 2 refuses to start in this environment.
     """
     domain_id()
     context = rclpy.Context()
-    rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
-    node = Node("mild_operator", context=context, start_parameter_services=False, enable_rosout=False)
+    with refused_in_one_line():
+        rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
+        node = Node("mild_operator", context=context, start_parameter_services=False, enable_rosout=False)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
     try:

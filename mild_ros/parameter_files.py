@@ -12,9 +12,9 @@ import yaml
 
 from mild_core.budgets import SETTINGS_BYTES, read_file
 from mild_core.errors import SetupError, unknown_name
+from mild_core.resources import share_folder
 from mild_core.yaml_budget import check_yaml
 from mild_ros.parameters import from_values
-from mild_ros.share import share_folder
 
 Parameters = TypeVar("Parameters")
 

@@ -2,7 +2,7 @@
 """One frozen dataclass is the only place where a node's parameters are written down.
 
 From its fields come the declared ROS parameters, their descriptors, the refusal of a wrong value in one line, and
-the table in the README. Every parameter is read-only: a node is set up once, and started again to be changed.
+the table in docs/reference.md. Every parameter is read-only: a node is set up once, and started again to be changed.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def from_values(kind: type[Parameters], given: Mapping[str, Any]) -> Parameters:
 def declare(node: Node, kind: type[Parameters]) -> Parameters:
     """Declare the parameters of `kind` on `node`, read-only, with what was given on the command line or in a file.
 
-    Names that nobody declared are noticed here; ROS drops them in silence and shows them through no public method.
+    Undeclared names are noticed here; ROS drops them in silence and shows them through no public method.
 
     Raises:
         SetupError: As `from_values`.
@@ -136,7 +136,7 @@ def _without_negative(on_clock: Callable[[Any], None]) -> Callable[[Any], None]:
 
 
 def table_markdown(kind: type[Any]) -> str:
-    """The parameters as a Markdown table for the README."""
+    """The parameters as a Markdown table for docs/reference.md."""
     lines = ["| Parameter | Default | Unit | Range | Meaning |", "|---|---|---|---|---|"]
     for entry in fields(kind):
         facts = about(entry)

@@ -11,10 +11,10 @@ from mild_ros.assembly.perception import make_perception, manifest_of
 from mild_ros.calibration_file import CalibrationFile
 from mild_ros.clock import NodeClock
 from mild_ros.diagnostics import Diagnostics
-from mild_ros.fates import Fates
 from mild_ros.messages.feature_window import feature_window_to_msg
 from mild_ros.messages.person import person_to_msg
 from mild_ros.operator_services import OperatorServices
+from mild_ros.outcomes import OutcomePublisher
 from mild_ros.parameters import declare
 from mild_ros.quality_of_service import BETWEEN_STAGES
 from mild_ros.reception import Reception
@@ -39,20 +39,20 @@ class PerceptionNode(StageNode):
         self._calibrations = CalibrationFile(parameters.calibration_file)
         self._diagnostics = Diagnostics(self, expected=("skeleton",), hardware_id=parameters.source)
         self._diagnostics.facts["model"] = parameters.model
-        self._fates = Fates(self, parameters.report_handled)
+        self._outcomes = OutcomePublisher(self, parameters.report_handled)
         self._reception = Reception(self, self._diagnostics)
         self._person = self.create_publisher(PointCloud2, "person", BETWEEN_STAGES)
         self._windows = self.create_publisher(PointCloud2, "feature_window", BETWEEN_STAGES)
         self._time = NodeClock(self, self._diagnostics)
         self._operator = OperatorServices(self, self._diagnostics, self._reset)
-        tracker.listen(self, self._reception, self._time, self._diagnostics, self._fates, self._on_sight)
+        tracker.listen(self, self._reception, self._time, self._diagnostics, self._outcomes, self._on_sight)
         self.get_logger().info(f"watching the {parameters.side} arm for {parameters.model}")
         if not parameters.robot_from_camera:
             self.get_logger().warning(UNMEASURED)
 
     def _on_sight(self, sight: Sighting) -> None:
         if not self._operator.enabled:
-            self._fates.report("perception", 0, "not_enabled", sight.input_ns)
+            self._outcomes.report("perception", 0, "not_enabled", sight.input_ns)
             return
         self._state, windows = self._stage.step(self._state, sight.people, sight.now_ns)
         self._calibrations.keep(self._state.calibration, self._diagnostics)
@@ -62,14 +62,14 @@ class PerceptionNode(StageNode):
         for window in windows:
             self._windows.publish(feature_window_to_msg(window))
             self._diagnostics.flowed("feature_window")
-        self._fates.report("perception", len(windows) + (person is not None), self._state.outcome, sight.input_ns)
+        self._outcomes.report("perception", len(windows) + (person is not None), self._state.outcome, sight.input_ns)
         self._diagnostics.took("step", time.perf_counter_ns() - sight.steady_ns)
         self._diagnostics.ended("perception", self._state.outcome, self._state.counts, self._state.detail)
         self._diagnostics.summary = self._state.outcome
 
     def _reset(self) -> str:
         with self._reception.lock:
-            self._state = self._stage.afresh(self._state)
+            self._state = self._stage.reset(self._state)
         return "stand still for the calibration"
 
 

@@ -17,9 +17,9 @@ from mild_ros.assembly.pipeline import make_pipeline
 from mild_ros.calibration_file import CalibrationFile
 from mild_ros.control import Control, Given
 from mild_ros.diagnostics import Diagnostics
-from mild_ros.fates import Fates
 from mild_ros.messages.stamps import ns_from_msg
 from mild_ros.motion_topics import InsideTopics, MotionTopics
+from mild_ros.outcomes import OutcomePublisher
 from mild_ros.parameters import declare
 from mild_ros.quality_of_service import SENSOR
 from mild_ros.reception import JOINTS_KEPT, JOINTS_PER_S, Reception
@@ -43,14 +43,14 @@ class PipelineNode(StageNode):
         self._calibrations = CalibrationFile(parameters.calibration_file)
         self._diagnostics = Diagnostics(self, ("skeleton", "joint_states"), parameters.robot, self._look)
         self._diagnostics.facts["model"] = parameters.model
-        self._fates = Fates(self, parameters.report_handled)
+        self._outcomes = OutcomePublisher(self, parameters.report_handled)
         self._reception = Reception(self, self._diagnostics)
         stage, ages = self._pipeline.retargeting, ("age of an answer", "age of a tick")
-        self._control = Control(self, stage, parameters, self._diagnostics, self._fates, self._reset, *ages)
+        self._control = Control(self, stage, parameters, self._diagnostics, self._outcomes, self._reset, *ages)
         self._time = self._control.clock
         topics = MotionTopics(self, model.manifest, self._diagnostics)
         self._inside = InsideTopics(self, topics, parameters.publish_intermediate)
-        tracker.listen(self, self._reception, self._time, self._diagnostics, self._fates, self._on_sight)
+        tracker.listen(self, self._reception, self._time, self._diagnostics, self._outcomes, self._on_sight)
         self._reception.subscribe(
             JointState, "joint_states", self._on_joint_states, SENSOR, kept=JOINTS_KEPT, per_s=JOINTS_PER_S
         )
@@ -62,7 +62,7 @@ class PipelineNode(StageNode):
         self._control.put(*(Given(one, sight.now_ns, behind_ns=sight.input_ns) for one in given))
         self._calibrations.keep(self._perception.calibration, self._diagnostics)
         self._diagnostics.took("step", time.perf_counter_ns() - sight.steady_ns)
-        self._fates.report("pipeline", 0, self._perception.outcome, sight.input_ns)
+        self._outcomes.report("pipeline", 0, self._perception.outcome, sight.input_ns)
         self._inside.publish(output)
 
     def _on_joint_states(self, message: Any) -> None:
@@ -72,7 +72,7 @@ class PipelineNode(StageNode):
             measurement = self._control.commanding.measured(message)
         except DataError as error:
             self._diagnostics.unreadable("joint_states", error.reason, error.detail)
-            self._fates.report("retargeting", 0, error.reason, stamp_ns)
+            self._outcomes.report("retargeting", 0, error.reason, stamp_ns)
             return
         self._observe(measurement, now_ns)
         self._control.put(Given(measurement, now_ns, stamp_ns))
@@ -95,7 +95,7 @@ class PipelineNode(StageNode):
     def _look(self) -> None:
         if self.is_in_order:
             self._control.commanding.watch()
-        self._control.commanding.tell(self._control.state)
+        self._control.commanding.report(self._control.state)
 
 
 def main() -> int:

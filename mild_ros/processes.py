@@ -21,10 +21,10 @@ from mild_core.errors import SetupError
 from mild_ros.local_dds import local_environment
 
 DOMAINS = range(1, 102)
-"""Above it the ports of a domain reach into those that Linux hands out to anybody (32768 and up)."""
+"""Above it the ports of a domain reach into those that Linux hands out to any process (32768 and up)."""
 
 DOMAIN_LOCK = "\0mild_ros-domain-{}"
-"""Abstract name of the socket of whoever has a domain: runs and test sessions keep out of each other's way.
+"""Abstract name of the socket that reserves a domain: runs and test sessions keep out of each other's way.
 
 It is no file, so it belongs to no user, needs no permission and ends with its process; and it is seen exactly where a
 domain's ports are, in one network namespace. Source: unix(7).
@@ -87,7 +87,7 @@ def hold_domain() -> tuple[int, socket.socket]:
 def shared_memory_owners() -> dict[int, set[int]]:
     """Who has, or has left, the shared memory of each domain's ports: numbers of users by domain.
 
-    Nobody opens another user's, so where there is some, messages of shared memory get lost.
+    A process cannot open another user's, so messages through shared memory are dropped where there is some.
     """
     found: dict[int, set[int]] = {}
     for path in Path("/dev/shm").glob("fastrtps_port*"):
@@ -99,7 +99,7 @@ def shared_memory_owners() -> dict[int, set[int]]:
 
 
 def _domains_in_use() -> set[int]:
-    """Domains whose ports somebody has bound."""
+    """Domains whose ports are bound."""
     found = set()
     for table in ("/proc/net/udp", "/proc/net/udp6"):
         lines = Path(table).read_text().splitlines()[1:] if Path(table).exists() else []
@@ -111,7 +111,8 @@ def _domains_in_use() -> set[int]:
 class Nodes:
     """Nodes of ours, ended in reverse order when the block is left, however it is left.
 
-    SIGTERM ends this process in order too; and when it is killed outright, the nodes are with it.
+    SIGTERM and SIGHUP (a closed terminal) end this process in order too; and when it is killed outright, the nodes are
+    with it.
 
     Args:
         domain: The ROS 2 domain they talk in.
@@ -129,13 +130,16 @@ class Nodes:
         self._environment = local_environment(os.environ, domain) | own
 
     def __enter__(self) -> Nodes:
-        self._before = signal.signal(signal.SIGTERM, _interrupt)
+        ignored = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN  # by nohup
+        numbers = (signal.SIGTERM,) if ignored else (signal.SIGTERM, signal.SIGHUP)
+        self._before = {number: signal.signal(number, _interrupt) for number in numbers}
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         for name in reversed(list(self._running)):
             self.stop(name)
-        signal.signal(signal.SIGTERM, self._before)
+        for number, before in self._before.items():
+            signal.signal(number, before)
 
     def start(self, name: str, parameters: Mapping[str, object], topics: Mapping[str, str] | None = None) -> None:
         """Start the executable `name` of ours with these parameters, and with other names for its `topics`."""

@@ -23,7 +23,7 @@ BETWEEN_STAGES = _keep_last(50, ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOL
 COMMAND = _keep_last(1, ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE)
 """Commands: only the newest matters."""
 
-FATE = _keep_last(1000, ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE)
+HANDLED = _keep_last(1000, ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE)
 """What became of each input: a replay counts them."""
 
 LATCHED = _keep_last(1, ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL)
@@ -36,7 +36,7 @@ CLOCK = _keep_last(50, ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE)
 """`/clock` of a simulation or a replay."""
 
 STATE = _keep_last(10, ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE)
-"""Where the robot is: matches whoever asks for reliable delivery and whoever does not."""
+"""Where the robot is: matches subscribers that ask for reliable delivery and those that do not."""
 
 
 SERVICE = QoSProfile(
@@ -46,7 +46,7 @@ SERVICE = QoSProfile(
 
 
 def is_latched(offers: Sequence[TopicEndpointInfo]) -> bool:
-    """Whether every publisher of a topic keeps its last message for late comers."""
+    """Whether every publisher of a topic is latched (transient local)."""
     return bool(offers) and all(o.qos_profile.durability is DurabilityPolicy.TRANSIENT_LOCAL for o in offers)
 
 

@@ -82,7 +82,7 @@ class _Input:
     def lost(self, taken: int, sequence: int) -> int:
         """How many messages never came, or had to make room in DDS, before the newest of those taken.
 
-        The publisher numbers them; of several publishers nothing can be told.
+        The publisher numbers them; with several publishers nothing can be counted.
         """
         before, self.sequence = self.sequence, sequence if self.subscription.get_publisher_count() == 1 else None
         return max(0, sequence - before - taken) if before is not None and self.sequence is not None else 0
@@ -96,7 +96,7 @@ class Reception:
         diagnostics: Where lost, dropped and undecodable messages are counted.
 
     Attributes:
-        lock: Held while a callback runs: whoever changes the same state from another thread takes it.
+        lock: Held while a callback runs: another thread that changes the same state takes it.
     """
 
     def __init__(self, node: StageNode, diagnostics: Diagnostics) -> None:

@@ -24,7 +24,7 @@ from mild_ros.clock import steady_clock
 from mild_ros.guarded import GuardedNode
 from mild_ros.message_types import message_class
 from mild_ros.parameters import declare
-from mild_ros.quality_of_service import FATE, as_offered, is_latched
+from mild_ros.quality_of_service import HANDLED, as_offered, is_latched
 from mild_ros.running import give_up, giving_up, has_given_up, run
 
 LOOK_PERIOD_S, FLUSH_PERIOD_S = 0.1, 1.0
@@ -43,7 +43,7 @@ LARGE_BYTES = 100_000
 class OnceEach:
     """Which messages of a topic to keep where several subscriptions bring the same ones.
 
-    DDS does not tell a Python subscriber who sent a message, so equal bytes count: the n-th time that a subscription
+    rclpy does not give a subscriber the sender of a message, so equal bytes count: the n-th time that a subscription
     brings them is the n-th message of these bytes. Of messages that only some subscriptions get, none is lost.
     """
 
@@ -84,7 +84,7 @@ class RecordNode(GuardedNode):
         self._early: list[tuple[str, bytes]] = []
         self._before_clock = 0
         reporting = self.parameters.report_recorded
-        self._recorded = self.create_publisher(Header, "recorded", FATE) if reporting else None
+        self._recorded = self.create_publisher(Header, "recorded", HANDLED) if reporting else None
         self._handled = self.resolve_topic_name("handled")
         self._look()
         self.create_timer(LOOK_PERIOD_S, self._look, clock=steady_clock())
@@ -151,7 +151,8 @@ class RecordNode(GuardedNode):
             self.get_logger().info(f"{topic} has another publisher, of other QoS ({offer.node_name}): recorded too")
         subscribed.add(how)
         once = self._came.setdefault(topic, OnceEach())
-        # Whoever does not match this subscription has another one: no warning that its messages will not be received.
+        # A publisher that does not match this subscription has another one: no warning that its messages will not be
+        # received.
         events = SubscriptionEventCallbacks(incompatible_qos=lambda _: None)
 
         def is_wanted(data: bytes) -> bool:

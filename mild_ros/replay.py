@@ -73,7 +73,7 @@ class Inputs:
     def messages(self, bag: BagReader, clock: Clock | None = None) -> Iterator[Event]:
         """The bag's messages that the pipeline takes, in order of time.
 
-        What was latched before the beginning comes first: whoever subscribes later gets it live too.
+        What was latched before the beginning comes first: late subscribers get it live too.
 
         Args:
             bag: The bag.
@@ -103,7 +103,7 @@ class Inputs:
             yield Event(raw.time_ns, wanted[raw.topic], raw, topic)
 
     def laps(self, bag: BagReader, *, forever: bool) -> Iterator[Event]:
-        """The bag's messages once, or over and over: time then begins anew.
+        """The bag's messages once, or over and over: time then starts again.
 
         Raises:
             BagError: As `messages`.
@@ -348,11 +348,11 @@ def _write(bag: BagWriter, step: Step, commands: list[bytes], interactions: tupl
     if person is not None:
         bag.write("/person", "sensor_msgs/msg/PointCloud2", time_ns, encode(person_to_msg(person)))
     for motion in step.output.motions:
-        for topic, told in (
+        for topic, message in (
             ("/motion", motion_to_msg(motion)),
             ("/motion_state", motion_state_to_msg(motion, interactions)),
         ):
-            bag.write(topic, type_name_of(told), time_ns, encode(told))
+            bag.write(topic, type_name_of(message), time_ns, encode(message))
     for data in commands:
         bag.write(f"/{JOINT_COMMAND}", JOINT_STATE_TYPE, time_ns, data)
 
@@ -360,7 +360,7 @@ def _write(bag: BagWriter, step: Step, commands: list[bytes], interactions: tupl
 def _decoded(
     bag: BagReader, event: Event, feeds: Mapping[str, Feed], naming: JointNaming
 ) -> tuple[PipelineInput, bool]:
-    """The event's message as the pipeline takes it, and whether it does: one joint alone shows nobody yet.
+    """The event's message as the pipeline takes it, and whether it does: one joint alone shows no person yet.
 
     Raises:
         DataError: It cannot be read.

@@ -38,7 +38,7 @@ class Event:
 
 
 def with_ticks(messages: Iterator[Event], rate_hz: float = 100.0) -> Iterator[Event]:
-    """The messages and, between them, ticks on a grid that begins at the first of them, or where time begins anew."""
+    """The messages and, between them, ticks on a grid that begins at the first of them, or where time starts again."""
     period_ns = round(1e9 / rate_hz)
     tick_ns = newest_ns = 0
     for event in messages:

@@ -21,7 +21,7 @@ from mild_ros.clock import steady_clock
 from mild_ros.guarded import GuardedNode
 from mild_ros.messages.handled import handled_from_msg
 from mild_ros.parameters import declare
-from mild_ros.quality_of_service import FATE
+from mild_ros.quality_of_service import HANDLED
 from mild_ros.replay import Inputs
 from mild_ros.replay_events import with_ticks
 from mild_ros.replay_topics import ReplayTopics
@@ -58,13 +58,13 @@ class ReplayNode(GuardedNode):
         else:
             restamped = self._bag if given.restamp and not given.clock else None
             self._sender = RealTime(events, self._topics.send, self._topics.tick, given.rate, restamped)
-        fates = self.create_subscription(Header, "handled", self._on_handled, FATE)
+        handled = self.create_subscription(Header, "handled", self._on_handled, HANDLED)
         wanted = [(self._topics.listeners, given.subscribers)]
-        recorded = self.create_subscription(Header, "recorded", self._on_recorded, FATE)
+        recorded = self.create_subscription(Header, "recorded", self._on_recorded, HANDLED)
         if self._in_lock_step:
-            wanted += [(fates.get_publisher_count, given.reporters), (recorded.get_publisher_count, given.recorders)]
+            wanted += [(handled.get_publisher_count, given.reporters), (recorded.get_publisher_count, given.recorders)]
         self._audience = Audience(self.resolve_topic_name("skeleton"), wanted, given.patience_s)
-        self._paused, self._begun, self._held = given.paused, False, False
+        self._paused, self._started, self._held = given.paused, False, False
         self.create_service(SetBool, "~/pause", self._on_pause)
         self._acting = self.create_timer(LOOK_PERIOD_S, self._start_when_heard, clock=steady_clock())
 
@@ -74,7 +74,7 @@ class ReplayNode(GuardedNode):
                 return
             self.destroy_timer(self._acting)
             self.get_logger().info(f"replaying {self.parameters.bag} ({self.parameters.mode})")
-            self._begun = True
+            self._started = True
             self._acting = self.create_timer(self._sender.period_s, self._look, clock=steady_clock())
             self._advance()
 
@@ -94,9 +94,9 @@ class ReplayNode(GuardedNode):
     def _on_pause(self, wish: Any, answer: Any) -> Any:
         self._paused, answer.success = bool(wish.data), True
         answer.message = "paused" if self._paused else "goes on"
-        if self._begun and self._paused:
+        if self._started and self._paused:
             self._sender.pause()
-        elif self._begun and self._held:
+        elif self._started and self._held:
             self._advance()
         return answer
 

@@ -24,7 +24,7 @@ class ReplayTopics:
         node: Whose.
         bag: The bag.
         inputs: What of it is sent.
-        clock: Whether `/clock` is told.
+        clock: Whether `/clock` is published.
 
     Attributes:
         left_out: What will not be sent, in a few words; "" for nothing.
@@ -52,8 +52,8 @@ class ReplayTopics:
                 continue
             latched = name in bag.topics and bag.topics[name].latched
             self._publishers[name] = node.create_publisher(kind, name, STATIC_TRANSFORMS if latched else BETWEEN_STAGES)
-        told = f"; {sum(unknown.values())} messages of types that are not installed here left out"
-        self.left_out = f"{told} ({', '.join(sorted(unknown))})" if unknown else ""
+        note = f"; {sum(unknown.values())} messages of types that are not installed here left out"
+        self.left_out = f"{note} ({', '.join(sorted(unknown))})" if unknown else ""
         self._clock = node.create_publisher(Clock, "/clock", BETWEEN_STAGES) if clock else None
 
     def send(self, name: str, data: bytes) -> None:
@@ -62,7 +62,7 @@ class ReplayTopics:
             self._publishers[name].publish(data)
 
     def tick(self, time_ns: int) -> None:
-        """Tell the time of the bag."""
+        """Publish the time of the bag."""
         if self._clock is not None:
             self._clock.publish(Clock(clock=time_to_msg(time_ns)))
 

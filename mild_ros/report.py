@@ -51,8 +51,8 @@ class Report:
         sent_ages_ms: What the pipeline says of its answers' ages when it sent them: the usual second's median, the
             worst second's 99th percentile, and the greatest; None when it said nothing.
         rates_hz: Messages per second by topic.
-        fates: How tracker messages ended, by reason.
-        lost: Tracker messages that were recorded but that the stages never saw; None when they did not tell.
+        outcomes: Number of tracker messages, by outcome.
+        dropped: Tracker messages that were recorded but that the stages never saw; None when unknown.
         unrecorded: Tracker messages that the stages saw and the recorder did not.
         commands: How many were sent.
         limits: None without commands.
@@ -65,8 +65,8 @@ class Report:
     command_ages_ms: FloatArray
     sent_ages_ms: tuple[float, float, float] | None
     rates_hz: Mapping[str, float]
-    fates: Mapping[str, int]
-    lost: int | None
+    outcomes: Mapping[str, int]
+    dropped: int | None
     limits: Limits | None
     error_deg: float | None
     predicted_error_deg: float | None
@@ -76,17 +76,17 @@ class Report:
 
 
 def make_report(run: RecordedRun, robot: RobotModel) -> Report:
-    """Everything that can be told of a run."""
+    """All figures of a run."""
     commands = run.commands.of(robot.joint_names) if run.commands else None
     answers, ages = _ages(run)
-    seen = [fate for fate in run.fates if _is_of_tracker(fate)]
+    seen = [handled for handled in run.outcomes if _is_of_tracker(handled)]
     return Report(
         answer_ages_ms=answers,
         command_ages_ms=ages,
-        sent_ages_ms=_told_ages(run),
+        sent_ages_ms=_published_ages(run),
         rates_hz=_rates(run),
-        fates=dict(Counter(fate.outcome for fate in seen)),
-        lost=max(len(run.tracker_arrived_ns) - len(seen), 0) if seen else None,
+        outcomes=dict(Counter(handled.outcome for handled in seen)),
+        dropped=max(len(run.tracker_arrived_ns) - len(seen), 0) if seen else None,
         unrecorded=max(len(seen) - len(run.tracker_arrived_ns), 0),
         limits=None if commands is None or len(commands.stamps_ns) < 3 else used_limits(commands, robot),
         error_deg=_error(run, robot, predicted=False),
@@ -112,18 +112,19 @@ def used_limits(commands: JointTrack, robot: RobotModel) -> Limits:
     )
 
 
-def _is_of_tracker(fate: Handled) -> bool:
-    """Whether it is the fate of a tracker's message."""
-    return fate.stage in ("perception", "pipeline")
+def _is_of_tracker(handled: Handled) -> bool:
+    """Whether it is the outcome of a tracker's message."""
+    return handled.stage in ("perception", "pipeline")
 
 
 def _ages(run: RecordedRun) -> tuple[FloatArray, FloatArray]:
     """Ages of answers and of all commands [ms], at their arrival in the recording.
 
-    Commands are sent at ticks, whose fates are told, and at once after a skeleton: those whose stamp is no tick's. The
-    last ticks' fates are told after the recording has ended, so nothing is an answer to a skeleton of long ago.
+    Commands are sent at ticks, whose outcomes are published, and at once after a skeleton: those whose stamp is no
+    tick's. The last ticks' outcomes are published after the recording has ended, so nothing is an answer to a skeleton
+    of long ago.
     """
-    ticks = {fate.stamp_ns for fate in run.fates if fate.outcome == "tick"}
+    ticks = {handled.stamp_ns for handled in run.outcomes if handled.outcome == "tick"}
     skeletons = np.array([person.stamp_ns for person in run.people], dtype=np.int64)
     answers, ages, behind_ns, answered_ns = [], [], 0, -FOLLOWING_NS
     if run.commands is None or not ticks:
@@ -132,7 +133,7 @@ def _ages(run: RecordedRun) -> tuple[FloatArray, FloatArray]:
     for stamp_ns, arrived_ns in zip(run.commands.stamps_ns.tolist(), run.commands.arrived_ns.tolist(), strict=True):
         newest = int(np.searchsorted(skeletons, stamp_ns, side="right")) - 1
         near = newest >= 0 and stamp_ns - skeletons[newest] < FOLLOWING_NS
-        if stamp_ns not in ticks and near and stamp_ns < last_tick_ns:  # later fates were not recorded any more
+        if stamp_ns not in ticks and near and stamp_ns < last_tick_ns:  # later outcomes were not recorded any more
             behind_ns, answered_ns = int(skeletons[newest]), stamp_ns
             answers.append((arrived_ns - behind_ns) * 1e-6)
         if stamp_ns - answered_ns < FOLLOWING_NS:
@@ -140,10 +141,10 @@ def _ages(run: RecordedRun) -> tuple[FloatArray, FloatArray]:
     return np.array(answers), np.array(ages)
 
 
-def _told_ages(run: RecordedRun) -> tuple[float, float, float] | None:
+def _published_ages(run: RecordedRun) -> tuple[float, float, float] | None:
     """Source: the values "age of an answer p50 [ms]" and so on of the pipeline's diagnostics."""
     keys = [f"age of an answer {name} [ms]" for name in ("p50", "p99", "max")]
-    seconds = [values for told in run.diagnostics.values() for values in told if keys[0] in values]
+    seconds = [values for reports in run.diagnostics.values() for values in reports if keys[0] in values]
     if not seconds:
         return None
     middle, high, greatest = ([float(values[key]) for values in seconds] for key in keys)

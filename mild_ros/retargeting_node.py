@@ -15,10 +15,10 @@ from mild_ros.assembly.perception import manifest_of
 from mild_ros.assembly.retargeting import make_retargeting
 from mild_ros.control import Control, Given
 from mild_ros.diagnostics import Diagnostics
-from mild_ros.fates import Fates
 from mild_ros.messages.motion import motion_from_msgs, motion_type
 from mild_ros.messages.person import person_from_msg
 from mild_ros.messages.stamps import ns_from_msg
+from mild_ros.outcomes import OutcomePublisher
 from mild_ros.pairing import StampPairs
 from mild_ros.parameters import declare
 from mild_ros.quality_of_service import BETWEEN_STAGES, SENSOR
@@ -37,9 +37,11 @@ class RetargetingNode(StageNode):
         manifest = manifest_of(parameters.model)
         stage = make_retargeting(parameters, manifest)
         self._diagnostics = Diagnostics(self, ("motion", "joint_states"), parameters.robot, self._look)
-        self._fates = Fates(self, parameters.report_handled)
+        self._outcomes = OutcomePublisher(self, parameters.report_handled)
         reception = Reception(self, self._diagnostics)
-        self._control = Control(self, stage, parameters, self._diagnostics, self._fates, lambda: None, "age of motion")
+        self._control = Control(
+            self, stage, parameters, self._diagnostics, self._outcomes, lambda: None, "age of motion"
+        )
         self._time = self._control.clock
         pairs = StampPairs(self._on_motion, self._on_single)
         reception.subscribe(PointCloud2, "person", partial(self._on, "person", person_from_msg), BETWEEN_STAGES)
@@ -74,12 +76,12 @@ class RetargetingNode(StageNode):
 
     def _unreadable(self, topic: str, error: DataError, stamp_ns: int) -> None:
         self._diagnostics.unreadable(topic, error.reason, error.detail)
-        self._fates.report("retargeting", 0, error.reason, stamp_ns)
+        self._outcomes.report("retargeting", 0, error.reason, stamp_ns)
 
     def _look(self) -> None:
         if self.is_in_order:
             self._control.commanding.watch()
-        self._control.commanding.tell(self._control.state)
+        self._control.commanding.report(self._control.state)
 
 
 def main() -> int:

@@ -29,7 +29,7 @@ class Found:
     Attributes:
         topic: Where it was published.
         type_name: E.g. `sensor_msgs/msg/JointState`.
-        definition: Of its type, as the bag tells it; "" when it does not.
+        definition: Of its type, as stored in the bag; "" when it is not.
         time_ns: Of its receipt.
         data: Its bytes.
         encoding: What they are: `cdr`, or `ros1`.

@@ -61,7 +61,7 @@ def is_whole(file: Path) -> bool:
         return data[: len(MAGIC)] == data[-len(MAGIC) :] == MAGIC and not loss.unread_bytes
 
 
-def tells_enough(reader: McapReader) -> bool:
+def is_indexed(reader: McapReader) -> bool:
     """Whether rosbags reads all of a file and in order: any part of a summary may be missing in a good one.
 
     Args:

@@ -110,7 +110,7 @@ def _messages(database: sqlite3.Connection, loss: Loss) -> Iterator[Row]:
                 row = next(rows, None)
             except _FAULTS:
                 break
-    loss.messages += 1  # and perhaps more: nothing tells how many come behind what cannot be read
+    loss.messages += 1  # and perhaps more: how many follow what cannot be read is unknown
 
 
 def _rows(database: sqlite3.Connection, query: str) -> list[Row]:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The scenes in `bags/`, made from a page of numbers: a kinematic person moves an arm along minimum-jerk paths.
 
-Nobody was recorded and no recording was copied: the poses below are ours, rounded to look like the four interactions
+No person was recorded and no recording was copied: the poses below are ours, rounded to look like the four interactions
 that the models know. `python -m mild_ros.scenes FOLDER` writes them again, to the same messages.
 """
 
@@ -25,7 +25,7 @@ RATE_HZ = 30.0
 """The Azure Kinect's."""
 
 START_NS = 1_700_000_000_000_000_000
-"""Of every scene: a date that nobody takes for a recording's."""
+"""Start time of every scene: a date that cannot be mistaken for a recording's."""
 
 TOPIC = "/body_tracking_data"
 """As the Azure Kinect's ROS driver calls it."""
@@ -41,7 +41,7 @@ MODELS = {"yumi": "yumi_buetepage_ahead", "pepper": "pepper_nuisi_next"}
 
 
 @dataclass(frozen=True)
-class Pose:
+class ArmPose:
     """Where the arm comes to a short stop.
 
     Attributes:
@@ -71,7 +71,7 @@ class Scene:
 
     name: str
     what: str
-    poses: tuple[Pose, ...]
+    poses: tuple[ArmPose, ...]
     robot: str = "yumi"
     kneels: bool = False
 
@@ -81,11 +81,11 @@ class Scene:
         return self.name.removesuffix("_kneeling")
 
 
-def _still(seconds: float) -> Pose:
-    return Pose(seconds, *REST)
+def _still(seconds: float) -> ArmPose:
+    return ArmPose(seconds, *REST)
 
 
-def _swung(first: Pose, second: Pose, times: int) -> tuple[Pose, ...]:
+def _swung(first: ArmPose, second: ArmPose, times: int) -> tuple[ArmPose, ...]:
     return (first, second) * times
 
 
@@ -97,53 +97,53 @@ SCENES = (
         "hand_wave",
         "The forearm goes up and swings from side to side four times.",
         (
-            Pose(0.9, (0.68, -0.36, -0.64), (0.33, 0.82, 0.47)),
+            ArmPose(0.9, (0.68, -0.36, -0.64), (0.33, 0.82, 0.47)),
             *_swung(
-                Pose(0.72, (0.2, -0.5, -0.85), (0.42, -0.83, 0.38)),
-                Pose(0.72, (0.72, -0.42, -0.55), (0.25, 0.88, 0.4)),
+                ArmPose(0.72, (0.2, -0.5, -0.85), (0.42, -0.83, 0.38)),
+                ArmPose(0.72, (0.72, -0.42, -0.55), (0.25, 0.88, 0.4)),
                 4,
             ),
-            Pose(0.55, (0.2, -0.3, -0.93), (0.55, 0.55, -0.63)),
-            Pose(0.8, *REST),
+            ArmPose(0.55, (0.2, -0.3, -0.93), (0.55, 0.55, -0.63)),
+            ArmPose(0.8, *REST),
         ),
     ),
     Scene(
         "handshake",
         "The hand is offered, shaken up and down four times, and taken back.",
         (
-            Pose(1.0, (0.38, 0.12, -0.92), (0.24, 0.77, -0.6), 0.04),
+            ArmPose(1.0, (0.38, 0.12, -0.92), (0.24, 0.77, -0.6), 0.04),
             *_swung(
-                Pose(0.74, (0.66, -0.36, -0.66), (0.12, 0.93, -0.34), 0.035),
-                Pose(0.74, (0.29, 0.0, -0.96), (0.3, 0.76, -0.58), 0.045),
+                ArmPose(0.74, (0.66, -0.36, -0.66), (0.12, 0.93, -0.34), 0.035),
+                ArmPose(0.74, (0.29, 0.0, -0.96), (0.3, 0.76, -0.58), 0.045),
                 4,
             ),
-            Pose(1.0, *REST),
+            ArmPose(1.0, *REST),
         ),
     ),
     Scene(
         "rocket",
         "A fist is drawn back, meets the robot's, rises with it and bursts.",
         (
-            Pose(0.8, (-0.43, -0.15, -0.89), (0.28, 0.22, -0.93)),
-            Pose(0.8, (0.1, -0.18, -0.98), (0.3, 0.91, -0.3)),
-            Pose(3.4, (0.89, -0.4, -0.24), (0.5, 0.86, 0.0), 0.0),
-            Pose(0.6, (0.45, -0.41, -0.79), (0.72, 0.32, 0.62), -0.02),
-            Pose(0.7, *REST),
+            ArmPose(0.8, (-0.43, -0.15, -0.89), (0.28, 0.22, -0.93)),
+            ArmPose(0.8, (0.1, -0.18, -0.98), (0.3, 0.91, -0.3)),
+            ArmPose(3.4, (0.89, -0.4, -0.24), (0.5, 0.86, 0.0), 0.0),
+            ArmPose(0.6, (0.45, -0.41, -0.79), (0.72, 0.32, 0.62), -0.02),
+            ArmPose(0.7, *REST),
         ),
     ),
     Scene(
         "parachute",
         "A fist is drawn back, meets the robot's high up, and sways down like a parachute.",
         (
-            Pose(0.7, (-0.45, -0.16, -0.88), (0.58, 0.3, -0.76)),
-            Pose(1.5, (0.95, 0.08, -0.3), (0.48, 0.83, 0.28), 0.03),
-            Pose(0.75, (0.92, -0.28, -0.27), (0.8, 0.57, 0.2), 0.02),
-            Pose(0.75, (0.83, 0.1, -0.55), (0.23, 0.96, 0.15), 0.04),
-            Pose(0.75, (0.69, -0.2, -0.69), (0.8, 0.58, 0.17), 0.01),
-            Pose(0.75, (0.51, 0.15, -0.85), (0.16, 0.96, -0.24), 0.04),
-            Pose(0.75, (0.41, -0.1, -0.9), (0.82, 0.48, -0.32), 0.02),
-            Pose(0.75, (0.38, 0.14, -0.92), (0.4, 0.77, -0.5), 0.05),
-            Pose(1.0, *REST),
+            ArmPose(0.7, (-0.45, -0.16, -0.88), (0.58, 0.3, -0.76)),
+            ArmPose(1.5, (0.95, 0.08, -0.3), (0.48, 0.83, 0.28), 0.03),
+            ArmPose(0.75, (0.92, -0.28, -0.27), (0.8, 0.57, 0.2), 0.02),
+            ArmPose(0.75, (0.83, 0.1, -0.55), (0.23, 0.96, 0.15), 0.04),
+            ArmPose(0.75, (0.69, -0.2, -0.69), (0.8, 0.58, 0.17), 0.01),
+            ArmPose(0.75, (0.51, 0.15, -0.85), (0.16, 0.96, -0.24), 0.04),
+            ArmPose(0.75, (0.41, -0.1, -0.9), (0.82, 0.48, -0.32), 0.02),
+            ArmPose(0.75, (0.38, 0.14, -0.92), (0.4, 0.77, -0.5), 0.05),
+            ArmPose(1.0, *REST),
         ),
     ),
 )
@@ -152,11 +152,11 @@ ROCKET_KNEELING = Scene(
     "rocket_kneeling",
     "On one knee before a small robot: a fist is drawn back, meets the robot's, rises with it and goes.",
     (
-        Pose(0.8, (-0.35, -0.2, -0.9), (0.35, 0.2, -0.9)),
-        *(Pose(after, (0.72, 0.39, -0.57), (0.7, 0.64, 0.3), 0.05) for after in (1.1, 0.6)),
-        *(Pose(after, (0.86, 0.45, -0.24), (0.58, 0.53, 0.61), 0.03) for after in (1.1, 1.0)),
-        Pose(0.8, (0.3, -0.2, -0.93), (0.6, 0.3, -0.73)),
-        Pose(0.6, *REST),
+        ArmPose(0.8, (-0.35, -0.2, -0.9), (0.35, 0.2, -0.9)),
+        *(ArmPose(after, (0.72, 0.39, -0.57), (0.7, 0.64, 0.3), 0.05) for after in (1.1, 0.6)),
+        *(ArmPose(after, (0.86, 0.45, -0.24), (0.58, 0.53, 0.61), 0.03) for after in (1.1, 1.0)),
+        ArmPose(0.8, (0.3, -0.2, -0.93), (0.6, 0.3, -0.73)),
+        ArmPose(0.6, *REST),
     ),
     robot="pepper",
     kneels=True,
@@ -175,7 +175,7 @@ def minimum_jerk(share: FloatArray) -> FloatArray:
 
 def arm_track(scene: Scene, rate_hz: float = RATE_HZ) -> FloatArray:
     """(T, 3, 3) shoulder, elbow and hand [m] in the arm frame, as `simulation.person.bodies` takes them."""
-    stops = [Pose(0.0, *REST), BEGIN, *scene.poses, END]
+    stops = [ArmPose(0.0, *REST), BEGIN, *scene.poses, END]
     times_s = np.cumsum([stop.after_s for stop in stops])
     corners = np.array([[stop.upper, stop.fore, (stop.lean_m, 0.0, 0.0)] for stop in stops])
     times = np.arange(round(times_s[-1] * rate_hz) + 1) / rate_hz
@@ -227,7 +227,7 @@ def write_scene(scene: Scene, folder: Path) -> None:
 def _source(scene: Scene, duration_s: float) -> str:
     return f"""# {scene.name}
 
-Synthetic: nobody was recorded. {scene.what}
+Synthetic: no person was recorded. {scene.what}
 
 Made by `python -m mild_ros.scenes bags` from the poses of `mild_ros/scenes.py`, which are ours: minimum-jerk paths
 between them move the right arm of the kinematic person of `mild_ros/simulation/person.py`.

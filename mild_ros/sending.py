@@ -24,7 +24,7 @@ FIRST = ("perception", "pipeline")
 """Stages that take skeletons: nothing that comes of one is all handled before they say so."""
 
 REPEAT_S = 0.5
-"""`/clock` is best effort: a tick that nobody answers is sent again after so long."""
+"""`/clock` is best effort: a tick without an outcome is sent again after this long [s]."""
 
 MOMENT_NS = 25_000_000
 """A node that sends in real time looks after everything else between such moments."""
@@ -63,12 +63,12 @@ class LockStep:
     ) -> None:
         self.sent = 0
         self._recorders = recorders
-        self._told, self._recorded = Counter[Handled](), Counter[Handled]()
+        self._reported, self._recorded = Counter[Handled](), Counter[Handled]()
         self._measuring = min(reporters, 2)
         self._events, self._send, self._tick, self._patience_s = events, send, tick, patience_s
         self._event: Event | None = None
         self._tokens = 0
-        self._begun = False
+        self._started = False
         self._since_s = self._repeated_s = 0.0
 
     def advance(self) -> bool:
@@ -80,8 +80,8 @@ class LockStep:
         if self._event is None:
             return False
         self._tokens = self._measuring if self._event.input == JOINT_STATES else 1
-        self._begun = self._event.input != SKELETON
-        self._told.clear()
+        self._started = self._event.input != SKELETON
+        self._reported.clear()
         self._recorded.clear()
         self._since_s = self._repeated_s = time.monotonic()
         self._tick(self._event.time_ns)
@@ -93,25 +93,25 @@ class LockStep:
     def pause(self) -> None:
         """Nothing to do: what is under way is waited for as ever."""
 
-    def is_done_after(self, fate: Handled) -> bool:
-        """Take the fate of an input into account; whether nothing is left of the event sent last."""
-        if self._event is None or not self._concerns(self._event, fate):
+    def is_done_after(self, handled: Handled) -> bool:
+        """Take the outcome of an input into account; whether nothing is left of the event sent last."""
+        if self._event is None or not self._concerns(self._event, handled):
             return False
-        self._tokens += fate.outputs - 1
-        self._begun = self._begun or fate.stage in FIRST
-        self._told[fate] += self._recorders
+        self._tokens += handled.outputs - 1
+        self._started = self._started or handled.stage in FIRST
+        self._reported[handled] += self._recorders
         return self._is_done()
 
-    def is_done_once_recorded(self, fate: Handled) -> bool:
-        """Take into account that a recorder has written down a fate; whether nothing is left of the event."""
-        self._recorded[fate] += 1
-        return self._told[fate] > 0 and self._is_done()
+    def is_done_once_recorded(self, handled: Handled) -> bool:
+        """Take into account that a recorder has written down an outcome; whether nothing is left of the event."""
+        self._recorded[handled] += 1
+        return self._reported[handled] > 0 and self._is_done()
 
     def _is_done(self) -> bool:
-        return self._tokens == 0 and self._begun and self._told <= self._recorded
+        return self._tokens == 0 and self._started and self._reported <= self._recorded
 
     def is_due(self) -> bool:
-        """Never by itself, but look after an event that nobody answers; to be called now and then.
+        """Never by itself, but resend an event without an outcome; to be called now and then.
 
         Raises:
             SetupError: For longer than `patience_s`.
@@ -132,17 +132,17 @@ class LockStep:
         return False
 
     def _remedy(self) -> str:
-        if self._tokens == 0 and self._begun:
+        if self._tokens == 0 and self._started:
             return "start the recorder with -p report_recorded:=true, and let it record handled, or set recorders to 0"
         return "start the nodes with -p report_handled:=true -p use_sim_time:=true, and one set of them only"
 
     @staticmethod
-    def _concerns(event: Event, fate: Handled) -> bool:
+    def _concerns(event: Event, handled: Handled) -> bool:
         if event.input == TICK:
-            return fate.outcome == "tick" and fate.stamp_ns == event.time_ns
+            return handled.outcome == "tick" and handled.stamp_ns == event.time_ns
         if event.input == SKELETON:
-            return fate.outcome != "tick" and fate.outcome not in OUTCOMES
-        return fate.outcome != "tick" and fate.outputs == 0
+            return handled.outcome != "tick" and handled.outcome not in OUTCOMES
+        return handled.outcome != "tick" and handled.outputs == 0
 
 
 class RealTime:
@@ -152,7 +152,7 @@ class RealTime:
     change the intervals between stamps. It is made ready before that time, not at it.
 
     Args:
-        events: What to send; ticks are told on `/clock`.
+        events: What to send; ticks are published on `/clock`.
         send: Publishes bytes on an input.
         tick: Publishes `/clock` [ns].
         rate: How much faster than it was recorded.
@@ -201,11 +201,11 @@ class RealTime:
                 self._send(event.name, data)
                 self.sent += 1
 
-    def is_done_after(self, _fate: Handled) -> bool:
-        """Nobody is waited for."""
+    def is_done_after(self, _handled: Handled) -> bool:
+        """Waits for no one."""
         return False
 
-    def is_done_once_recorded(self, _fate: Handled) -> bool:
+    def is_done_once_recorded(self, _handled: Handled) -> bool:
         """Nor is a recorder."""
         return False
 

@@ -16,7 +16,7 @@ _MODEL = parameter("yumi_buetepage_ahead", "Model: a name of `mild models`, or t
 _ROBOT_DESCRIPTION = parameter(
     "", "URDF in place of the robot's own: a path, or `topic:robot_description`; empty for its own."
 )
-_REPORT_HANDLED = parameter(False, "Publish the fate of every input on `handled`, for a replay in lock-step.")
+_REPORT_HANDLED = parameter(False, "Publish the outcome of every input on `handled`, for a replay in lock-step.")
 
 
 @dataclass(frozen=True)
@@ -131,13 +131,6 @@ class RetargetingParameters(ControllerParameters):
     home_velocity_rad_s: float = parameter(
         RetargetingSettings.home_velocity_rad_s,
         "Largest speed of a joint on the way home.",
-        unit="rad/s",
-        minimum=0.01,
-        maximum=3.0,
-    )
-    gentle_velocity_rad_s: float = parameter(
-        RetargetingSettings.gentle_velocity_rad_s,
-        "Largest speed of a joint towards a hand that is offered for nobody knows what yet.",
         unit="rad/s",
         minimum=0.01,
         maximum=3.0,

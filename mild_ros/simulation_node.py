@@ -21,7 +21,7 @@ from mild_ros.parameters import declare
 from mild_ros.quality_of_service import COMMAND, LATCHED, STATE
 from mild_ros.running import run
 from mild_ros.settings import SimulationParameters
-from mild_ros.simulation.backend import Camera, scene_of
+from mild_ros.simulation.backend import RenderCamera, scene_of
 from mild_ros.simulation.bullet import BulletRobot
 
 LONGEST_STEP_NS = 100_000_000
@@ -91,7 +91,7 @@ class SimulationNode(GuardedNode):
 
     def _photograph(self) -> None:
         if self._images.get_subscription_count():
-            pixels = self._robot.render(Camera(smoothing=1))
+            pixels = self._robot.render(RenderCamera(smoothing=1))
             self._images.publish(image_to_msg(pixels, self._time.now_ns(), "camera"))
 
     def _before_clock(self) -> None:

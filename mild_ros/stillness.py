@@ -21,7 +21,7 @@ USED = ("accepted", "windows", "filled", "calibrated", "calibrating", "bystander
 
 REMEDIES = {
     "undecodable": "the bag's types are not those of its bytes: record it again with their definitions, in mcap",
-    "nobody": "choose a bag with a person in it",
+    "no_person": "choose a bag with a person in it",
     "calibrating": "it is too short: the person has to stand still for a second before they move",
     "moving": "the person has to stand still for a second before they move; set calibration_still_m if they do",
     "too_old": "the tracker's stamps are older than max_age_s when they come: raise it with -p max_age_s:=VALUE",
@@ -42,8 +42,8 @@ def has_moved(commands: JointTrack | None) -> bool:
 def counts_of(run: RecordedRun) -> dict[str, Counter[str]]:
     """The events that nodes counted in a recorded run, by stage, by their newest diagnostics."""
     found: dict[str, Counter[str]] = {stage: Counter() for stage in ("perception", "inference", "retargeting")}
-    for told in run.diagnostics.values():
-        for key, value in (told[-1] if told else {}).items():
+    for reports in run.diagnostics.values():
+        for key, value in (reports[-1] if reports else {}).items():
             stage, _, reason = key.partition(" ")
             if stage in found and value.isdecimal() and " " not in reason:
                 found[stage][reason] += int(value)
@@ -80,7 +80,7 @@ def why_still(
         reason = max(late, key=lambda name: late[name])
         return f"{late[reason]} predictions were '{reason}'", REMEDIES[reason]
     if run.commands is None:
-        return "no command was sent: the robot told nothing of its joints", "check joint_states, and robot_joint_names"
+        return "no command was sent: the robot published no joint states", "check joint_states, and robot_joint_names"
     if retargeted["unknown"] > retargeted["accepted"] // 2:
         words = "what the person does was recognised as none of the model's interactions"
         return words, "name it with --interaction, or take a model that knows it"

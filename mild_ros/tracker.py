@@ -16,11 +16,11 @@ from mild_core.signals import SkeletonFrame
 from mild_ros.assembly.perception import skeleton_source
 from mild_ros.clock import NodeClock
 from mild_ros.diagnostics import Diagnostics
-from mild_ros.fates import Fates
 from mild_ros.message_types import required_message_class
 from mild_ros.messages.feeds import SKELETON_TOPIC, Feed
 from mild_ros.messages.marker_array_bytes import marker_array_from_bytes
 from mild_ros.messages.skeletons import ADAPTERS
+from mild_ros.outcomes import OutcomePublisher
 from mild_ros.quality_of_service import SENSOR, STATIC_TRANSFORMS
 from mild_ros.reception import KEPT, PARTS_PER_S, PER_S, Reception
 from mild_ros.settings import PerceptionParameters
@@ -39,7 +39,7 @@ class Sighting:
 
     Attributes:
         people: Everyone in it.
-        stamp_ns: The newest of their stamps; None when there is nobody.
+        stamp_ns: The newest of their stamps; None when there is no person.
         now_ns: When it came, in the node's time.
         steady_ns: When it came, on a clock for measuring how long things take.
     """
@@ -51,7 +51,7 @@ class Sighting:
 
     @property
     def input_ns(self) -> int:
-        """The stamp of the message, and of one with nobody in it the time when it came."""
+        """The stamp of the message, and of one without a person the time when it came."""
         return self.now_ns if self.stamp_ns is None else self.stamp_ns
 
 
@@ -60,7 +60,7 @@ class Tracker:
 
     Args:
         parameters: Which one.
-        stage: Who reports the fate of a message that cannot be read.
+        stage: Which stage reports the outcome of a message that cannot be read.
 
     Raises:
         SetupError: As `skeleton_source` and `required_message_class`.
@@ -80,7 +80,7 @@ class Tracker:
         reception: Reception,
         clock: NodeClock,
         diagnostics: Diagnostics,
-        fates: Fates,
+        outcomes: OutcomePublisher,
         on_sight: Callable[[Sighting], None],
     ) -> None:
         """Call `on_sight` with everyone who is seen; a message that cannot be read is counted and logged here."""
@@ -96,10 +96,10 @@ class Tracker:
             except DataError as error:
                 diagnostics.flowed(TOPIC)
                 diagnostics.unreadable(TOPIC, error.reason, error.detail)
-                fates.report(self._stage, 0, error.reason, now_ns)
+                outcomes.report(self._stage, 0, error.reason, now_ns)
                 return
             if people is None:
-                fates.report(self._stage, 0, "incomplete", now_ns)
+                outcomes.report(self._stage, 0, "incomplete", now_ns)
                 return
             stamp_ns = max((person.stamp_ns for person in people), default=None)
             on_sight(Sighting(people, stamp_ns, now_ns, steady_ns))
@@ -108,7 +108,7 @@ class Tracker:
         for feed, message_type in self._feeds:
             quality = STATIC_TRANSFORMS if feed.latched else SENSOR
             raw = feed.type_name in FROM_BYTES
-            # A transform alone shows nobody, and every static one comes once only.
+            # A transform alone shows no person, and every static one comes once only.
             all_parts = feed.latched or feed.lacks is not None
             kept, per_s = (quality.depth, PARTS_PER_S) if all_parts else (KEPT, PER_S)
             read = partial(on_message, feed)

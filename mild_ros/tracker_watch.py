@@ -112,7 +112,7 @@ class TrackerWatch:
         if publishers:
             names = publisher_names(publishers)
             return f"nothing comes on {topic}, which {names} could publish: is the tracker running?{OTHER_USER[1:]}"
-        return f"nobody publishes {topic} ({feed.type_name}): {self._elsewhere(feed)}"
+        return f"no publisher on {topic} ({feed.type_name}): {self._elsewhere(feed)}"
 
     def _of_another_type(self, topic: str, feed: Feed, other: Any) -> str:
         fitting = fitting_sources(other.topic_type) if feed.topic == SKELETON_TOPIC else []
@@ -159,7 +159,7 @@ class TrackerWatch:
         return any(topic.rpartition("/")[2] in OF_PERCEPTION for topic, _ in published)
 
     def _stuck(self, flowing: bool, now_s: float) -> str:
-        """Why messages come but nobody can be used, when that has been so for long."""
+        """Why messages come but no person in them can be used, when that has been so for long."""
         progress = self._diagnostics.usable("perception")
         if progress != self._progress or not flowing:
             self._progress, self._stuck_since_s = progress, now_s

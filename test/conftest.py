@@ -69,7 +69,7 @@ def ros_domain() -> int:
 
 @pytest.fixture(scope="session")
 def mild_data() -> Path:
-    """The folder of recordings, which are nobody's to publish again: $MILD_DATA, or shared/data beside the checkout."""
+    """The folder of recordings, which may not be republished: $MILD_DATA, or shared/data beside the checkout."""
     return _existing("MILD_DATA", ROOT.parent / "shared" / "data", "recordings")
 
 

@@ -62,7 +62,7 @@ PERIOD_NS = round(1e9 / RATE_HZ)
 DISTANCE, FROM_REST = 24, 30
 """Places among the features of the hand's distance from its rest, and of its place seen from there."""
 
-BEGUN = 0.35
+ONSET_DISTANCE = 0.35
 """A hand this far from its rest [arm lengths] may start an interaction."""
 
 WALKING = 0.6
@@ -330,7 +330,7 @@ class GestureRecogniser:
         familiar = nats / (nats + FAMILIAR_NATS) if active_s else 1.0
         start, bound = self.bounds.tolist()
         least, hold_s = (start + CAUTIOUS_LOG_ODDS, CAUTIOUS_S) if cautious else (start, 0.0)
-        allowed_s = state.allowed_s + 1.0 / RATE_HZ if distance > BEGUN and permit > least else 0.0
+        allowed_s = state.allowed_s + 1.0 / RATE_HZ if distance > ONSET_DISTANCE and permit > least else 0.0
         if state.started:
             started = active_s > 0.0 and permit > start - DOUBT
         else:

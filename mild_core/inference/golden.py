@@ -22,7 +22,7 @@ OUTPUTS = ("positions", "covariance", "belief", "probability", "phase")
 
 
 def synthetic_windows(model: MildModel) -> FloatArray:
-    """(N, W, D) consecutive windows; nobody's recording, but near to what the model knows.
+    """(N, W, D) consecutive windows; synthetic, but close to the training data.
 
     They sway about the mean of the first `normalise` layer that takes whole windows, by a fifth of its scale: far
     from all components, last digits of float32 would grow into visible differences of the belief. A model without

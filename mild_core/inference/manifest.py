@@ -84,7 +84,7 @@ class PriorSpec:
         kind: A key of `PRIORS`.
         components: K.
         max_duration: D, in steps of the chain: `stride` frames each.
-        restart: Probability per step that the online filter's chain starts anew.
+        restart: Probability per step that the online filter's chain restarts.
     """
 
     kind: str
@@ -141,7 +141,7 @@ class Manifest:
         latent_size: Of each agent: Q.
         stride: S copies of everything that remembers take turns, so that each sees every S-th window.
         interactions: P names, in the order of all arrays.
-        rest_s: How long people rested before their motion in the recordings, see `resting`; 0: nobody knows [s].
+        rest_s: How long people rested before their motion in the recordings, see `resting`; 0: unknown [s].
         prior: Kind and sizes.
         members: Networks by name, one mapping per member of the ensemble.
         robot_from_human: See `HumanPlacement`.

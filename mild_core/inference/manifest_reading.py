@@ -85,7 +85,7 @@ def parse_manifest(fields: Fields) -> Manifest:
 
 
 def read_observed(fields: Fields) -> ObservedAgent:
-    """The person, as a manifest tells.
+    """The observed agent, as described in a manifest.
 
     Raises:
         SetupError: A key is missing, unknown or out of its bounds; of the kind that `fields` raises.
@@ -102,7 +102,7 @@ def read_observed(fields: Fields) -> ObservedAgent:
 
 
 def read_controlled(fields: Fields) -> ControlledAgent:
-    """Whom a model moves, as a manifest tells.
+    """The controlled agent, as described in a manifest.
 
     Raises:
         SetupError: A key is missing, unknown or out of its bounds; of the kind that `fields` raises.
@@ -124,7 +124,7 @@ def _prior(fields: Fields) -> PriorSpec:
 
 
 def read_placement(fields: Fields, interactions: tuple[str, ...]) -> HumanPlacement:
-    """Where the person stood, as a manifest tells.
+    """Where the person stood, as described in a manifest.
 
     Raises:
         SetupError: A key is missing, unknown or out of its bounds; of the kind that `fields` raises.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One member of a model: its networks and its priors, and what they make of one window, told the interaction."""
+"""One member of a model: its networks and its priors, and their prediction for one window, given the interaction."""
 
 from __future__ import annotations
 
@@ -80,8 +80,8 @@ class Generated:
 
 
 @dataclass(frozen=True, eq=False)
-class ReadyMember:
-    """A member that is told the interaction, with everything laid out for the compiled step.
+class CompiledMember:
+    """A member conditioned on one interaction, laid out for the compiled step.
 
     Attributes:
         member: Which one.
@@ -165,14 +165,14 @@ def combined(generated: Sequence[Generated], shares: FloatArray) -> Generated:
 
 
 @dataclass(frozen=True, eq=False)
-class Told:
-    """All members of a model, told the interaction.
+class ConditionedEnsemble:
+    """All members of a model, conditioned on one interaction.
 
     Attributes:
         members: One or more.
     """
 
-    members: tuple[ReadyMember, ...]
+    members: tuple[CompiledMember, ...]
 
     def init(self) -> tuple[MemberState, ...]:
         """Nothing seen yet."""
@@ -181,7 +181,7 @@ class Told:
     def observe(
         self, states: Sequence[MemberState], features: FloatArray, steps: int, stride: int, missed: int
     ) -> tuple[Observed, ...]:
-        """What each finds; arguments as for `ReadyMember.observe`."""
+        """What each finds; arguments as for `CompiledMember.observe`."""
         both = zip(self.members, states, strict=True)
         return tuple([member.observe(state, features, steps, stride, missed) for member, state in both])
 
@@ -197,12 +197,12 @@ class Told:
         return combined(answers, np.full(len(answers), 1.0 / len(answers)))
 
 
-def make_ready(member: Member, interaction: int, residual_covariance: FloatArray) -> ReadyMember:
+def compile_member(member: Member, interaction: int, residual_covariance: FloatArray) -> CompiledMember:
     """Lay a member out for the compiled step.
 
     Args:
         member: Which one.
-        interaction: Number of the one that it is told.
+        interaction: Number of the given interaction.
         residual_covariance: (N, N) of the model.
     """
     prior = member.priors[interaction]
@@ -219,7 +219,7 @@ def make_ready(member: Member, interaction: int, residual_covariance: FloatArray
     chain = prior.chain
     parts = (prior.components.mean, prior.components.covariance, chain.initial, chain.transitions, chain.durations)
     mean, covariance, initial, transitions, durations = (np.array(part, order="C") for part in parts)
-    return ReadyMember(
+    return CompiledMember(
         member,
         np.eye(len(member.priors))[interaction],
         np.array(prior.phases),
@@ -234,9 +234,11 @@ def make_ready(member: Member, interaction: int, residual_covariance: FloatArray
     )
 
 
-def make_told(members: Sequence[Member], interaction: int, residual_covariance: FloatArray) -> Told:
-    """Lay all members out; arguments as for `make_ready`."""
-    return Told(tuple([make_ready(member, interaction, residual_covariance) for member in members]))
+def condition_ensemble(
+    members: Sequence[Member], interaction: int, residual_covariance: FloatArray
+) -> ConditionedEnsemble:
+    """Lay all members out; arguments as for `compile_member`."""
+    return ConditionedEnsemble(tuple([compile_member(member, interaction, residual_covariance) for member in members]))
 
 
 def spread_operators(

@@ -59,7 +59,7 @@ def gate_weights(belief: FloatArray, logits: Float32Array) -> FloatArray:
 
 
 @compiled
-def tell_apart(logits: Float32Array) -> FloatArray:
+def classify(logits: Float32Array) -> FloatArray:
     """(P,) log-probabilities from a recogniser's logits (P,)."""
     log_probabilities = np.empty(logits.shape[0])
     largest, total = logits.max(), 0.0

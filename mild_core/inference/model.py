@@ -32,7 +32,7 @@ WEIGHTS, GOLDEN, REPORT = "weights.safetensors", "golden.npz", "REPORT.md"
 LARGEST_BYTES = {WEIGHTS: 256 << 20, GOLDEN: 64 << 20, REPORT: 4 << 20}
 """A shipped model has about one megabyte."""
 
-RETRAIN = "take the folder as it was trained, or train it anew"
+RETRAIN = "take the folder as it was trained, or retrain it"
 
 
 def load_model(folder: Path) -> MildModel:

@@ -42,8 +42,8 @@ class MildModel:
         covariance_scale: (P,) what the published covariance is multiplied with while an interaction goes on, so that
             its 90 % region holds nine true values of ten; by cross-validation, see `learning.calibration`.
         reservoir: What answers beside the members; None: they answer alone.
-        start_pose: What the robot's pose at the start tells; None: nothing.
-        territory: Where the known interactions' windows lie; None: their members alone tell what is unknown.
+        start_pose: Correction by the robot's pose at the start; None: none.
+        territory: Where the known interactions' windows lie; None: novelty is judged by the members alone.
         gestures: Recognises interactions of people who were never recorded; None: only what is the model's own does.
     """
 
@@ -69,7 +69,7 @@ class MildModel:
 
     @property
     def recognises(self) -> bool:
-        """Whether members have networks that tell interactions apart; else the reservoir does, or their priors do."""
+        """Whether members have networks that classify the interaction; else the reservoir does, or their priors do."""
         return "recogniser" in self.members[0].networks
 
 
@@ -118,7 +118,7 @@ def build_model(manifest: Manifest, arrays: Arrays) -> MildModel:
         if unknown:
             raise ValueError(f"array {unknown[0][:80]} belongs to nothing in the manifest")
     except ValueError as error:
-        remedy = "take the folder as it was trained, or train it anew"
+        remedy = "take the folder as it was trained, or retrain it"
         raise ModelError(f"model {manifest.name}", str(error), remedy) from None
     rates = float(recognition[0]), float(recognition[1])
     return MildModel(manifest, members, residual, *rates, scale, territory, reservoir, start_pose, gestures)

@@ -42,7 +42,7 @@ def undecided(interactions: int) -> Recognition:
 
 
 def given(interaction: int, interactions: int) -> Recognition:
-    """Somebody said which one it is."""
+    """Belief concentrated on a given interaction."""
     return Recognition(np.zeros(interactions), np.eye(interactions)[interaction])
 
 
@@ -51,7 +51,8 @@ def recognise(before: Recognition, log_likelihoods: FloatArray, temper: float, f
 
     Args:
         before: The belief so far.
-        log_likelihoods: (P,) log p(frame | frames before, interaction), but for a constant; the mean of all who tell.
+        log_likelihoods: (P,) log p(frame | frames before, interaction), but for a constant; the mean over all
+            classifiers.
         temper: Power of one frame's likelihood. Successive windows overlap by W - 1 frames, so they are far from
             independent.
         forgetting: Share of the evidence that is kept, so that a new interaction is noticed.

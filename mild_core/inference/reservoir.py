@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A reservoir beside the members: recurrent units that nobody trained remember, linear readouts answer.
+"""A reservoir beside the members: fixed random recurrent units remember, linear readouts predict.
 
 Each unit leaks at its own pace, from a twentieth of a second to seconds, so that all of them together hold the last
 seconds of the arm's motion. Only the readouts are learned, in closed form: what they err in is not what the members
-err in, and the mean of both errs less than either. They also tell interactions apart by what has been since the motion
+err in, and the mean of both errs less than either. They also classify the interaction by what has been since the motion
 began, where a network sees a window.
 
 Source: Jaeger, Lukosevicius, Popovici, Siewert, "Optimization and applications of echo state networks with leaky-
@@ -23,7 +23,7 @@ from mild_core.inference.territory import TakeArray
 from mild_core.shapes import FloatArray, read_only
 
 SETTLED_S = 1.5
-"""Whoever is seen first is taken to have stood like that for so long."""
+"""A new person is assumed to have stood like that for this long [s]."""
 
 
 @compiled
@@ -103,7 +103,7 @@ class Reservoir:
         Args:
             positions: (W, 3 J) its last frames [m].
             rate_hz: Of the frames.
-            before: (R,) state before the newest `passed` frames; None: nobody was seen before the first of these W.
+            before: (R,) state before the newest `passed` frames; None: no person was seen before the first of these W.
             passed: How many frames are new; with no state before, all are.
         """
         drive = self.drive(positions, rate_hz)
@@ -131,7 +131,7 @@ class Reservoir:
         answer: FloatArray = (label @ (_seen(state, positions) @ self.readout + self.bias)) @ self.back + self.mean
         return answer
 
-    def tell_apart(self, state: FloatArray, positions: FloatArray) -> FloatArray:
+    def classify(self, state: FloatArray, positions: FloatArray) -> FloatArray:
         """(P,) logarithms of the interactions' probabilities, but for a constant; arguments as for `answer`."""
         logarithms: FloatArray = _seen(state, positions) @ self.label_weight + self.label_bias
         return logarithms

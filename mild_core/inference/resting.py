@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When an interaction begins anew: people rest before and between interactions, for any time, and that is no step.
+"""When the state is reset: people rest before and between interactions, for any time, and that is no step.
 
 What remembers has learned from trials that begin a few seconds before their motion. After a minute of rest it would be
 in a state that it has never been in. So while the arm rests where it was first seen, memory moves on for as long as
-people rested in the recordings, and no longer; and when the arm has come back to rest, it all begins anew.
+people rested in the recordings, and no longer; and when the arm has come back to rest, the state is reset.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ import numpy as np
 from mild_core.shapes import FloatArray
 
 MOVED_M = 0.05
-"""A motion has begun when the hand is this far from where it rested; source: METHOD section 3."""
+"""A motion starts when the hand is this far from where it rested; source: METHOD section 3."""
 
 STILL_M = 0.03
 """A hand that stays within so much of a place is still."""
 
 BACK_M = 0.2
-"""A still hand this near to where it rested before is back at rest, and does not touch anybody."""
+"""A still hand this near to where it rested before is back at rest, and touches no one."""
 
 STILL_S = 5.0
 """How long it has to be still. In recordings the robot takes up to four seconds more to come back, or stays away."""

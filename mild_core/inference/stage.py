@@ -3,12 +3,12 @@
 
     encode -> update the belief -> recognise -> condition -> mix -> decode -> mix by interaction
 
-All but recognition happens as if told each interaction that may be the one: networks never learned from a label between
+Every step except recognition runs once per candidate interaction: networks never learned from a label between
 two, and before it can be known which answer is the right one, their mean errs less than any.
 
 Every window ends in exactly one outcome: `accepted`, or what is wrong with it: `wrong_joints`, `wrong_shape`,
 `not_finite`, `duplicate`. Beside them, events are counted that may come with any accepted window: `time_reset` (its
-stamp lies before the last one), `gap_reset` (more than a window was missed), `begun_anew` (the arm has come back to
+stamp lies before the last one), `gap_reset` (more than a window was missed), `reset_at_rest` (the arm has come back to
 rest), `missed` (windows that never came), `unknown` (it is far from all that the model knows). The robot's own word of
 where it is ends as in `joint_measurements`.
 
@@ -26,7 +26,7 @@ import numpy as np
 from mild_core.errors import DataError
 from mild_core.inference.gesture_recogniser import UNDECIDED_S, GestureState, unit_arm
 from mild_core.inference.manifest import AUTO
-from mild_core.inference.member import Generated, MemberState, Told, combined, make_told
+from mild_core.inference.member import ConditionedEnsemble, Generated, MemberState, combined, condition_ensemble
 from mild_core.inference.motion_model import MildModel
 from mild_core.inference.priors.filtering import UNDERFLOW
 from mild_core.inference.recognition import Recognition, given, recognise, undecided
@@ -66,7 +66,7 @@ FAST_JOINT_RAD_S = 10.0
 """Speed of the joints of an arm whose limits are unknown."""
 
 _Found = tuple[tuple[Observed, ...], ...]
-"""What each member finds, by interaction that it is told."""
+"""What each member finds, per given interaction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,9 +93,11 @@ class Inference:
         self.model.manifest.check_interaction(self.interaction)
 
     @cached_property
-    def _told(self) -> tuple[Told, ...]:
-        """All members, told each interaction that may be the one."""
-        return tuple(make_told(self.model.members, i, self.model.residual_covariance) for i in self._considered)
+    def _ensembles(self) -> tuple[ConditionedEnsemble, ...]:
+        """One conditioned ensemble per candidate interaction."""
+        return tuple(
+            condition_ensemble(self.model.members, i, self.model.residual_covariance) for i in self._considered
+        )
 
     @cached_property
     def _considered(self) -> tuple[int, ...]:
@@ -123,15 +125,15 @@ class Inference:
     def init(self) -> InferenceState:
         """The state before the first window."""
         names = self.model.manifest.interactions
-        told = self.interaction != AUTO
-        recognition = given(names.index(self.interaction), len(names)) if told else undecided(len(names))
-        copy = CopyState(-1, tuple(told.init() for told in self._told))
+        is_given = self.interaction != AUTO
+        recognition = given(names.index(self.interaction), len(names)) if is_given else undecided(len(names))
+        copy = CopyState(-1, tuple(ensemble.init() for ensemble in self._ensembles))
         territory = self.model.territory
         strayed = read_only(np.zeros(0)) if territory is None else territory.init()
         gestures = None if self.model.gestures is None else self.model.gestures.init()
         return InferenceState(recognition, (copy,) * self.model.manifest.stride, strayed, gestures=gestures)
 
-    def afresh(self, state: InferenceState) -> InferenceState:
+    def reset(self, state: InferenceState) -> InferenceState:
         """The state with nothing remembered of the person."""
         return replace(self.init(), joints=state.joints, start=state.start, counts=state.counts)
 
@@ -175,12 +177,12 @@ class Inference:
         if seen.rest is not None and is_waiting(seen.rest, self._rest_frames):
             seen = replace(before, rest=seen.rest, gestures=seen.gestures)
         else:
-            memories = [tuple([MemberState(one.context, one.memory) for one in told]) for told in found]
+            memories = [tuple([MemberState(one.context, one.memory) for one in members]) for members in found]
             copy = CopyState(index, tuple(memories))
             copies = (*before.copies[:place], copy, *before.copies[place + 1 :])
             seen = replace(seen, recognition=own, copies=copies, index=index)
         counts = state.counted(events)
-        told = replace(
+        after = replace(
             seen,
             published=recognition,
             named=state_name == NAMED,
@@ -188,7 +190,7 @@ class Inference:
             counts=counts,
             stamp_ns=given.stamp_ns,
         )
-        return replace(told, outcome="accepted", detail=""), (motion,)
+        return replace(after, outcome="accepted", detail=""), (motion,)
 
     def by_component(self, state: InferenceState, window: FeatureWindow) -> tuple[MotionWindow, ...]:
         """What each component of the likeliest interaction alone expects, for people to look at.
@@ -207,7 +209,7 @@ class Inference:
         motions, place = [], self._considered.index(recognition.likeliest)
         for alone in np.eye(len(found[place][0].weights)):
             sure = tuple([one._replace(weights=alone) for one in found[place]])
-            motions.append(self._motion(window, recognition, 0.0, self._told[place].generate(sure), NAMED))
+            motions.append(self._motion(window, recognition, 0.0, self._ensembles[place].generate(sure), NAMED))
         return tuple(motions)
 
     def _check(self, state: InferenceState, window: FeatureWindow) -> None:
@@ -228,13 +230,13 @@ class Inference:
             return state, 0, {}
         passed = max(1, round((window.stamp_ns - state.stamp_ns) / self._period_ns))
         if window.stamp_ns < state.stamp_ns or passed > self.model.manifest.window:
-            fresh = self.afresh(state)
+            fresh = self.reset(state)
             if self.model.gestures is not None and state.gestures is not None:
                 # The hand may be anywhere by now, and it is the same person as a rule.
                 fresh = replace(fresh, gestures=self.model.gestures.after_gap(state.gestures))
             return fresh, 0, {"time_reset" if window.stamp_ns < state.stamp_ns else "gap_reset": 1}
         if state.rest is not None and is_back(state.rest, self._still_frames):
-            return self.afresh(state), 0, {"begun_anew": 1}
+            return self.reset(state), 0, {"reset_at_rest": 1}
         return state, state.index + passed, {"missed": passed - 1} if passed > 1 else {}
 
     def _seen(self, state: InferenceState, index: int, window: FeatureWindow) -> InferenceState:
@@ -288,9 +290,7 @@ class Inference:
         if self.interaction != AUTO:
             settled = gestures is None or gestures.active_s > UNDECIDED_S
             return not settled or self._novelty(strangeness, gestures) <= 1.0
-        if name == NAMED or gestures is None:
-            return name == NAMED
-        return gestures.started and not self.cautious
+        return name == NAMED or not self.cautious
 
     @staticmethod
     def _familiar(own: Recognition, strangeness: float) -> bool:
@@ -323,10 +323,10 @@ class Inference:
             return replace(state, joints=joints, outcome="other_joints", detail="")
         if joints.outcome != "measured":
             return replace(state, joints=joints).refused(DataError(joints.outcome, joints.detail))
-        told = replace(state, joints=joints, outcome="measured", detail="")
+        after = replace(state, joints=joints, outcome="measured", detail="")
         longest_ns = self.model.manifest.window * self._period_ns
         answering = state.stamp_ns is not None and given.stamp_ns - state.stamp_ns <= longest_ns
-        return told if answering else replace(told, start=joints.positions_rad)
+        return after if answering else replace(after, start=joints.positions_rad)
 
     def _beside(
         self, members: Generated, window: FeatureWindow, seen: InferenceState, recognition: Recognition
@@ -342,25 +342,25 @@ class Inference:
         return replace(members, motion=motion, covariance=covariance)
 
     def _observe(self, state: InferenceState, place: int, index: int, window: FeatureWindow) -> _Found:
-        """What each member finds, told each interaction. Raises DataError when a feature is not finite."""
+        """What each member finds, given each interaction. Raises DataError when a feature is not finite."""
         copy, stride = state.copies[place], len(state.copies)
         missed = (index - copy.index) // stride - 1 if copy.index >= 0 else -1
         whole = 1 + (len(window.features) - 1) // stride
         steps = min(missed + 1, whole) if copy.index >= 0 else whole
         features = window.features
         if not (features.flags.c_contiguous and features.flags.aligned):
-            features = read_only(np.array(features, order="C"))  # Any other layout would be compiled for anew.
-        both = zip(self._told, copy.members, strict=True)
-        found = tuple([told.observe(own, features, steps, stride, missed) for told, own in both])
+            features = read_only(np.array(features, order="C"))  # Any other layout would be compiled again.
+        both = zip(self._ensembles, copy.members, strict=True)
+        found = tuple([ensemble.observe(own, features, steps, stride, missed) for ensemble, own in both])
         if math.isnan(found[0][0].score):
             raise DataError("not_finite", "a feature is NaN or infinite")
         return found
 
     def _generate(self, found: _Found, recognition: Recognition) -> Generated:
-        """What is answered told each interaction, mixed by its probability; belief and phase of the likeliest."""
+        """Predictions averaged with the interaction posterior; belief and phase of the likeliest interaction."""
         shares = recognition.probabilities[list(self._considered)]
         asked = np.flatnonzero(shares > NEGLIGIBLE)
-        answers = [self._told[place].generate(found[place]) for place in asked]
+        answers = [self._ensembles[place].generate(found[place]) for place in asked]
         likeliest = answers[int(shares[asked].argmax())]
         mixed = combined(answers, shares[asked] / shares[asked].sum())
         return replace(mixed, weights=likeliest.weights, phase=likeliest.phase)
@@ -371,18 +371,18 @@ class Inference:
         """A frame that no interaction can explain says nothing about which one it is."""
         if self.interaction != AUTO:
             return before
-        log_likelihoods = np.array([[one.log_likelihood for one in told] for told in found])
+        log_likelihoods = np.array([[one.log_likelihood for one in members] for members in found])
         if log_likelihoods.max() <= UNDERFLOW:
             return before
-        told = self._told[0].recognise(found[0]) if self.model.recognises else log_likelihoods.mean(axis=1)
+        evidence = self._ensembles[0].recognise(found[0]) if self.model.recognises else log_likelihoods.mean(axis=1)
         if self.model.reservoir is not None and seen.units is not None:
-            by_motion = self.model.reservoir.tell_apart(seen.units, _positions(window))
-            told = 0.5 * (told + by_motion) if self.model.recognises else by_motion
-        return recognise(before, told, self.model.temper, self.model.forgetting)
+            by_motion = self.model.reservoir.classify(seen.units, _positions(window))
+            evidence = 0.5 * (evidence + by_motion) if self.model.recognises else by_motion
+        return recognise(before, evidence, self.model.temper, self.model.forgetting)
 
     def _stray(self, strayed: FloatArray, window: FeatureWindow, found: _Found) -> tuple[FloatArray, float]:
         """How far the person has strayed from each interaction, and the out-of-distribution score."""
-        strangeness = min([sum([seen.score for seen in told]) / len(told) for told in found])
+        strangeness = min([sum([seen.score for seen in members]) / len(members) for members in found])
         if self.model.territory is None:
             return strayed, strangeness
         strayed = self.model.territory.follow(strayed, window.features)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the robot's pose at the start tells of the motion to come: it displaces the predicted window.
+"""Correction of the predicted window by the robot's pose at the start.
 
 Two demonstrations of one interaction differ most by a constant: the robot stood elsewhere, the person too, and nothing
-in the person's motion tells. Where the robot stood does, partly. Near its start the robot is where it stood; far from
-it, displaced by a share of how unusually it stood. And while the person rests, the robot still stands there.
+in the person's motion explains. Where the robot stood does, partly. Near its start the robot is where it stood; far
+from it, displaced by a share of how unusually it stood. And while the person rests, the robot still stands there.
 
 Source: METHOD section 4 (a third of the error is a constant offset per trial); the regression is ours.
 """
@@ -24,7 +24,7 @@ class StartPose:
 
     Attributes:
         mean: (P, J) where the robot started, by interaction [rad].
-        reach: (1,) distance from there up to which a start means something [rad]. One beyond tells nothing.
+        reach: (1,) distance from there up to which a start is used [rad]. One beyond is ignored.
         resting: (P, J, J) displacement of a pose at the start, by how unusual the start is.
         moving: (P, J, J) the same of a pose far from it.
         nearness: (1,) distance from the start at which a pose is of both kinds, as exp(-1/2) [rad].

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One step of a member that is told the interaction, compiled as two functions: observe a window, generate a motion.
+"""One step of a member given the interaction, compiled as two functions: observe a window, generate a motion.
 
-Between them the interaction is recognised, which needs all members told each of them. All values that networks take in
+Between them the interaction is recognised, which needs all members given each of them. All values that networks take in
 lie on one board, an array in the order of `BOARD`; a network's intake is a list of places there.
 
 Source: Algorithm 2 of MILD.
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mild_core.compiled import compiled
-from mild_core.inference.mixing import add_spread, gate_weights, nearest, posterior, tell_apart
+from mild_core.inference.mixing import add_spread, classify, gate_weights, nearest, posterior
 from mild_core.inference.networks import Float32Array, run_layers
 from mild_core.inference.priors.filtering import UNDERFLOW, filter_frames, observe_frame
 from mild_core.shapes import FloatArray
@@ -194,7 +194,7 @@ def observe_window(
 @compiled
 def recognise_window(network: Parts, board: Float32Array) -> FloatArray:
     """(P,) logarithms of the interactions' probabilities, by a recogniser."""
-    return tell_apart(run_network(network, board, np.empty(0, dtype=np.float32)))
+    return classify(run_network(network, board, np.empty(0, dtype=np.float32)))
 
 
 @compiled

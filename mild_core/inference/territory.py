@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether a person does any known interaction: how far they have lately been from where each one's windows lie.
 
-One frame tells little, since a handshake passes through places where a fist bump has been too. Somebody who does a
+One frame is weak evidence, since a handshake passes through places where a fist bump has been too. A person who does a
 known interaction stays near the windows of that one interaction all the while.
 """
 
@@ -56,7 +56,7 @@ class Territory:
         return first, (self.centres**2).sum(axis=1)
 
     def init(self) -> FloatArray:
-        """(P,) nobody has strayed yet."""
+        """(P,) initial score: no novelty yet."""
         return read_only(np.zeros(len(self._first[0])))
 
     def follow(self, strayed: FloatArray, window: FloatArray) -> FloatArray:

@@ -127,7 +127,7 @@ class _Describer(pickle._Unpickler):
         try:
             return _STAND_INS[module, name]
         except KeyError:
-            raise _RefusedError(f"the function '{module}.{name}', which nobody needs to store numbers") from None
+            raise _RefusedError(f"the function '{module}.{name}', which is not needed to store numbers") from None
 
 
 def _read_member(archive: zipfile.ZipFile, name: str, allowance: _Allowance) -> NDArray[Any]:

@@ -14,8 +14,8 @@ from mild_core.learning.windows import Protocol, cut
 from mild_core.shapes import FloatArray
 
 GIVEN, RECOGNISED, UNKNOWN, STARTED = "given", "recognised", "unknown", "given, start pose"
-"""What a method is told: the interaction's name, that it has to find it out, nothing and it never asks, or its name
-and where the robot stood before."""
+"""What a method is given: the interaction; nothing, so that it has to recognise it; nothing, as it uses none; or the
+interaction and where the robot stood before."""
 
 
 class Predictor(Promise):
@@ -46,14 +46,14 @@ class Baseline:
         title: For the table.
         fit: Learns it.
         seeded: Whether the seed changes anything; if not, one seed is enough.
-        told: Whether its predictor looks at the interaction of a trial.
+        uses_label: Whether its predictor uses the interaction of a trial.
     """
 
     name: str
     title: str
     fit: Fit
     seeded: bool
-    told: bool = True
+    uses_label: bool = True
 
 
 def by_interaction(demonstrations: Sequence[Demonstration]) -> Mapping[str, tuple[Demonstration, ...]]:

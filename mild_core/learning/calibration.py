@@ -3,8 +3,8 @@
 
 A region of a covariance that should hold 90 % of the true values must hold 90 % of them in trials that nothing was
 learned from. What the priors spread and what cross-validation left over are both in it, and they overlap, so it comes
-out too wide; errors of few long trials are no Gaussian, so its width cannot be told from its parts. It is measured: one
-scale per interaction, learned from the trials of all folds but one and tried on those of that one.
+out too wide; errors of few long trials are no Gaussian, so its width cannot be derived from its parts. It is measured:
+one scale per interaction, learned from the trials of all folds but one and tried on those of that one.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ AIM = 0.93
 
 
 @dataclass(frozen=True, eq=False)
-class Doubt:
+class CalibrationSample:
     """How wrong predictions for a trial were, and how sure the model.
 
     Attributes:
@@ -56,7 +56,7 @@ class Reliability:
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration:
+class UncertaintyCalibration:
     """By interaction.
 
     Attributes:
@@ -94,7 +94,7 @@ class _Distances:
         )
 
 
-def calibrate(doubts: Sequence[Doubt]) -> Calibration:
+def calibrate(doubts: Sequence[CalibrationSample]) -> UncertaintyCalibration:
     """Learn the scales and see what they are worth.
 
     Args:
@@ -112,17 +112,17 @@ def calibrate(doubts: Sequence[Doubt]) -> Calibration:
             raw += [distances for other, distances in found if other == fold]
             scaled += [distances.divided(learned) for other, distances in found if other == fold]
         before[name], after[name] = _together(raw).reliability(), _together(scaled).reliability()
-    return Calibration(scale, before, after)
+    return UncertaintyCalibration(scale, before, after)
 
 
-def _residual(doubts: Sequence[Doubt]) -> FloatArray:
+def _residual(doubts: Sequence[CalibrationSample]) -> FloatArray:
     """(n, n) mean of error times error over frames and windows."""
     rows = np.concatenate([doubt.errors.reshape(-1, doubt.errors.shape[-1]) for doubt in doubts])
     residual: FloatArray = rows.T @ rows / len(rows)
     return residual
 
 
-def _distances(doubt: Doubt, residual: FloatArray) -> _Distances:
+def _distances(doubt: CalibrationSample, residual: FloatArray) -> _Distances:
     covariances, errors = doubt.spread + residual, doubt.errors
     whitened = np.linalg.solve(np.linalg.cholesky(covariances), errors.transpose(0, 2, 1))
     marginal = errors**2 / np.diagonal(covariances, axis1=1, axis2=2)[:, None]

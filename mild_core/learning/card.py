@@ -52,7 +52,8 @@ def model_card(manifest: Manifest, recording: Recording, retrain: str) -> str:
         f"{recording.title}: {recording.source}.\n",
         f"Licence: {recording.licence}. The recordings are not part of this package, and this folder stores none of "
         "their windows: networks, Gaussians, means of clusters and a synthetic sample only.\n",
-        f"Trials: {training.get('trials', 'unknown')}, {whose} {training.get('split', 'training')} split only. "
+        f"{_started(training)}Trials: {training.get('trials', 'unknown')}, "
+        f"{whose} {training.get('split', 'training')} split only. "
         f"Seeds: {_listed(training.get('seeds', ()))}. {_epochs(training)}"
         f"Source revision: {training.get('git_revision', 'unknown')}.\n",
         "## Errors\n",
@@ -77,6 +78,11 @@ def _moves(manifest: Manifest) -> str:
 def _epochs(training: Mapping[str, Any]) -> str:
     """For how long each network learned, and why no longer."""
     return f"Epochs: {training['epochs']} ({training.get('stopped')}). " if "epochs" in training else ""
+
+
+def _started(training: Mapping[str, Any]) -> str:
+    """Which hidden layers came from another model."""
+    return f"Hidden layers from {training['start_from']}. " if training.get("start_from") else ""
 
 
 def _configured(training: Mapping[str, Any]) -> list[str]:

@@ -95,7 +95,7 @@ class Checkpoint:
         return self.folder / f"member_{member}.safetensors"
 
     def _read(self, path: Path) -> Snapshot:
-        remedy = f"delete {self.folder} to begin anew, or give another --out"
+        remedy = f"delete {self.folder} to start over, or give another --out"
         if path.stat().st_size > LARGEST_BYTES:
             raise SetupError(str(path), f"is larger than {LARGEST_BYTES >> 20} MB", remedy)
         try:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Many windows put together into few: means of clusters, of which none is anybody's recorded window."""
+"""Many windows put together into few: means of clusters, none of which is a recorded window."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def clusters(points: FloatArray, count: int, rng: np.random.Generator) -> FloatA
     centres = points[rng.integers(len(points), size=1)]
     for _ in range(count - 1):
         squares = squared_distances(points, centres).min(axis=1)
-        if not squares.any():  # every point is a centre already: somebody who stands perfectly still
+        if not squares.any():  # every point is a centre already: a person who stands perfectly still
             break
         centres = np.concatenate([centres, points[rng.choice(len(points), size=1, p=squares / squares.sum())]])
     for _ in range(ITERATIONS):

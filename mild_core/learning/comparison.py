@@ -28,7 +28,7 @@ class Relative:
         change: Of the means over seeds.
         interval: 95 %, by drawing trials, the same for both.
         p_value: Of Wilcoxon's signed-rank test, two-sided, on the trials' mean errors: how often chance alone would set
-            equally good methods so far apart; 1 where no trial tells them apart.
+            equally good methods so far apart; 1 where no trial distinguishes them.
     """
 
     change: float
@@ -38,12 +38,12 @@ class Relative:
 
 @dataclass(frozen=True)
 class Row:
-    """One method, told one thing.
+    """One method, with one kind of labels.
 
     Attributes:
         method: Name in `METHODS`.
         title: For people.
-        labels: What it was told, see `baseline.GIVEN`.
+        labels: Which labels it was given, see `baseline.GIVEN`.
         seeds: How many were run.
         macro_mean: Macro squared error, mean over seeds.
         macro_std: Its standard deviation over seeds; None with one seed.

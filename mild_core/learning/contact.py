@@ -2,7 +2,7 @@
 """Where the person stood: the place before the robot from which hands meet as they did in the recorded trials.
 
 Recordings give the person's arm from the person's own shoulder and the robot's joints, but not one in the frame of the
-other. While they touch, hand and tool are at one place, and that tells the transform.
+other. While they touch, hand and tool are at one place, which determines the transform.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ ADULT_ARM_M = (0.29, 0.335)
 
 FACE_TO_FACE_RAD = math.pi
 """The person's x axis points at the robot. Contacts of one interaction lie within centimetres of each other, so they
-cannot tell the yaw; it is given."""
+does not determine the yaw; it is given."""
 
 TOUCHING = 0.95
 """Hands touch while the person's hand is this near its farthest from rest, as a fraction of that distance."""
 
 
 @dataclass(frozen=True, eq=False)
-class Contact:
+class FittedPlace:
     """The person's calibration shoulder in the robot's base frame.
 
     Attributes:
@@ -114,7 +114,7 @@ def fit_contact(
     interactions: Sequence[str],
     arm_lengths_m: tuple[float, float] = ADULT_ARM_M,
     yaw_rad: float = FACE_TO_FACE_RAD,
-) -> Contact:
+) -> FittedPlace:
     """Fit the place of the person.
 
     Args:
@@ -137,7 +137,7 @@ def fit_contact(
     places = {name: _places(groups[name], robot, arm_lengths_m, yaw_rad) for name in interactions}
     own = {name: np.median(place, axis=0) for name, place in places.items()}
     shared = np.mean(list(own.values()), axis=0)
-    return Contact(
+    return FittedPlace(
         yaw_rad=yaw_rad,
         translation_m=shared,
         by_interaction=own,

@@ -23,7 +23,7 @@ from mild_core.learning.folds import FOLDS, folds_of
 from mild_core.learning.methods import METHODS, method_for
 from mild_core.learning.model_predictor import ModelPredictor
 from mild_core.learning.recording import Demonstrations
-from mild_core.learning.run_time import HeldOut, run_trial, tellings, watch
+from mild_core.learning.run_time import HeldOut, label_kinds, run_trial, watch
 from mild_core.learning.windows import protocol_named
 
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
@@ -49,9 +49,9 @@ class Result:
 
     Attributes:
         job: What was done.
-        errors: Errors of the held-out trials by what the method was told: under "given", and under "recognised" too by
-            one that can find the interaction out; under "unknown" alone by one that never looks at it; under "given,
-            start pose" too by a model that has learned what the robot's start tells.
+        errors: Errors of the held-out trials by the labels the method was given: under "given", and under "recognised"
+            too by one that can find the interaction out; under "unknown" alone by one that never looks at it; under
+            "given, start pose" too by a model with a start pose correction.
         seconds: How long learning took.
         held_out: What the run-time stage did with the held-out trials; empty for a method that it does not run.
     """
@@ -108,12 +108,12 @@ def run_job(job: Job) -> Result:
     if isinstance(predictor, ModelPredictor):
         runs = [run_trial(predictor, trial) for trial in trials]
         held_out = [watch(predictor, trial, run, job.fold) for trial, run in zip(trials, runs, strict=True)]
-        predicted = {told: [run[told].predicted for run in runs] for told in tellings(predictor)}
+        predicted = {labels: [run[labels].predicted for run in runs] for labels in label_kinds(predictor)}
     else:
-        predicted = {GIVEN if method.told else UNKNOWN: [predictor.predict(trial) for trial in trials]}
+        predicted = {GIVEN if method.uses_label else UNKNOWN: [predictor.predict(trial) for trial in trials]}
     errors = {
-        told: tuple(errors_of_trial(trial, protocol, one) for trial, one in zip(trials, answers, strict=True))
-        for told, answers in predicted.items()
+        labels: tuple(errors_of_trial(trial, protocol, one) for trial, one in zip(trials, answers, strict=True))
+        for labels, answers in predicted.items()
     }
     return Result(job, errors, seconds, tuple(held_out))
 

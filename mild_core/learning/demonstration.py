@@ -53,5 +53,5 @@ class Demonstration:
 
     @property
     def partner(self) -> bool:
-        """Whether the controlled agent is a second person, told by positions, and no robot."""
+        """Whether the controlled agent is a second person, described by positions, and no robot."""
         return self.controlled.ndim == 3

@@ -26,7 +26,7 @@ from mild_core.learning.demonstration import Demonstration
 from mild_core.learning.novelty import bone_lengths_m, latent_radius, territory_of
 from mild_core.learning.settings import TrainingSettings
 from mild_core.learning.trained import TrainedMember, TrainedModel
-from mild_core.learning.vae import RUNNING, Chain
+from mild_core.learning.vae import RUNNING, LayerStack
 from mild_core.learning.windows import onset_frame
 from mild_core.shapes import FloatArray
 
@@ -36,7 +36,7 @@ MORE_REST_S = 0.25
 """What an onset is seen later by who takes the first frame, not the mean of the first ten, for the place of rest."""
 
 ORIGIN = HumanPlacement((1.0, 0.0, 0.7), np.pi)
-"""Where a person would stand if nobody says: an arm's length before the robot, facing it."""
+"""Default place of a person: an arm's length before the robot, facing it."""
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ def recognition_rates(rate_hz: float, settings: TrainingSettings) -> FloatArray:
 
 
 def rest_s(demonstrations: Sequence[Demonstration]) -> float:
-    """The longest time that anybody rested before the motion, and a little more [s]."""
+    """The longest rest before the motion in any trial, and a little more [s]."""
     return round(max(onset_frame(trial) / trial.rate_hz for trial in demonstrations) + MORE_REST_S, 2)
 
 
@@ -154,7 +154,7 @@ def _member(member: TrainedMember) -> tuple[dict[str, NetworkSpec], Arrays]:
     specs: dict[str, NetworkSpec] = {}
     arrays: Arrays = {}
     for name in RUNNING:
-        chain: Chain | None = getattr(networks, name)
+        chain: LayerStack | None = getattr(networks, name)
         if chain is None:
             continue
         inputs: tuple[str, ...] = getattr(architecture, name)

@@ -360,8 +360,8 @@ def _jumping(frames: FloatArray, rng: np.random.Generator) -> FloatArray:
         begin = int(rng.integers(0, len(frames)))
         offset[begin : begin + int(rng.integers(2, 12))] += rng.normal(size=(2, 3)) * rng.uniform(0.02, 0.25)
     offset += rng.normal(size=offset.shape) * rng.uniform(0.0, 0.03)
-    begun_frames = np.clip(np.arange(len(frames)) / RATE_HZ - 0.3, 0.0, 1.0)[:, None, None]
-    moved = frames[:, 1:] + offset * begun_frames
+    ramp = np.clip(np.arange(len(frames)) / RATE_HZ - 0.3, 0.0, 1.0)[:, None, None]
+    moved = frames[:, 1:] + offset * ramp
     return bent_to(frames[:, 0], moved[:, 0], moved[:, 1])
 
 

@@ -24,7 +24,7 @@ Kernel = Callable[[FloatArray, FloatArray, float], FloatArray]
 
 
 @dataclass(frozen=True)
-class Grid:
+class SearchGrid:
     """What is tried: widths of the kernel and penalties relative to N = 1."""
 
     widths: tuple[float, ...]
@@ -88,7 +88,7 @@ def _machines(
 
 
 def fit_chosen(
-    demonstrations: Sequence[Demonstration], protocol: Protocol, kernel: Kernel, grid: Grid
+    demonstrations: Sequence[Demonstration], protocol: Protocol, kernel: Kernel, grid: SearchGrid
 ) -> KernelMachine:
     """Learn one interaction with the width and penalty that serve left-out trials best.
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mild_core.inference.member import MemberState, make_ready
+from mild_core.inference.member import MemberState, compile_member
 from mild_core.inference.motion_model import MildModel
 from mild_core.inference.stepping import BOARD
 from mild_core.learning.demonstration import Demonstration
@@ -20,7 +20,7 @@ class LatentTrack:
     """One trial in the latent spaces of one member.
 
     Attributes:
-        interaction: Which it was, and was told.
+        interaction: Which it was, as given to the model.
         observed: (N, Q) posterior mean of each window of the human.
         controlled: (N, C) what the prior expects of the other agent's latent, mixed by the belief.
         weights: (N, K) that belief over components.
@@ -43,7 +43,7 @@ def latent_track(model: MildModel, demonstration: Demonstration, protocol: Proto
     """
     manifest = model.manifest
     number = manifest.interactions.index(demonstration.interaction)
-    ready = make_ready(model.members[member], number, model.residual_covariance)
+    ready = compile_member(model.members[member], number, model.residual_covariance)
     stride = manifest.stride
     states, rows = [ready.init()] * stride, []
     place = int(ready.places[BOARD.index("observed")])

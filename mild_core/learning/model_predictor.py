@@ -81,7 +81,7 @@ class ModelPredictor:
         true = cut(demonstration, self.protocol).controlled
         if len(motions) != len(true):
             problem = f"answered {len(motions)} of the {len(true)} windows of trial {demonstration.trial}"
-            raise ModelError(f"model '{self.model.manifest.name}'", problem, "train it anew")
+            raise ModelError(f"model '{self.model.manifest.name}'", problem, "retrain it")
         predicted = np.array([motion.positions for motion in motions]).reshape(true.shape)[len(true) - windows :]
         motions = motions[len(true) - windows :]
         scores = np.array([motion.out_of_distribution for motion in motions])

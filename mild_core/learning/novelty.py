@@ -31,10 +31,10 @@ WINDOWS_PER_S = 10.0
 """That are clustered: neighbours are almost equal."""
 
 KEPT_PER_S = 0.6
-"""Share of what somebody has strayed that still counts after a second."""
+"""Share of the accumulated novelty that is left after a second."""
 
 SETTLED_S = 1.0
-"""So long after its onset it can be told whether a motion is known."""
+"""Time after the onset from which on known and unknown motions can be distinguished [s]."""
 
 QUANTILE, MARGIN = 0.995, 1.1
 """Of the known windows this share lies within a reach or radius, before the margin is added: at each that does not, a

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A small network that tells interactions apart by what the person does: what each prior predicts does not."""
+"""A small network that classifies the interaction from the person's motion; the priors' likelihoods do it worse."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from torch.nn import functional
 from mild_core.learning.coordinates import Coordinates, principal_coordinates
 from mild_core.learning.corpus import Corpus, bend, cut_tracks
 from mild_core.learning.settings import Augmentation, RecogniserSettings
-from mild_core.learning.vae import Chain, perceptron
+from mild_core.learning.vae import LayerStack, perceptron
 
 STARTED_M = 0.05
-"""A hand this far from where it was at first has begun something; before, nobody can know what."""
+"""A motion starts when the hand is this far from its first place; before, it cannot be classified [m]."""
 
 STRIDE = 4
 """Windows between two that are learned from: neighbours are almost equal."""
@@ -34,7 +34,7 @@ class Recogniser:
         question: Coordinates of the human's windows.
     """
 
-    network: Chain
+    network: LayerStack
     question: Coordinates
 
     def logits(self, windows: Tensor) -> Tensor:
@@ -49,7 +49,7 @@ def train_recogniser(
     augmentation: Augmentation,
     epochs: int,
 ) -> Recogniser:
-    """Learn to tell the interactions of a corpus apart. Draws from torch's global generator.
+    """Learn to classify the interactions of a corpus. Draws from torch's global generator.
 
     Windows in which the hand has not moved yet say nothing: there all interactions shall be equally likely.
 

@@ -60,7 +60,7 @@ class Recording:
         file: Where it lies below the data folder.
         rate_hz: Frames per second.
         interactions: Their names, in the order of its labels.
-        touching: Those in which hands meet and which tell where the person stood; none where no robot was there.
+        touching: Those in which hands meet, which shows where the person stood; none where no robot was there.
         observed_names: Observed joints, from the shoulder outwards.
         observed_side: "right" or "left" arm of the person.
         robot: Name in `retargeting.robots.ROBOTS`, or of a robot file; "" when the controlled agent is a second person.

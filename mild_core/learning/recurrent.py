@@ -27,12 +27,12 @@ NOISE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class InputLayout:
     """The human as a recurrent network sees them.
 
     Attributes:
         protocol: By which trials are cut.
-        interactions: Whose name is told, one-hot; none: the network is not told.
+        interactions: Given as one-hot input; empty: the network gets no label.
         mean: (D,) of the features.
         scale: (D,).
         stride: Every how many frames one is seen.
@@ -57,14 +57,14 @@ class View:
         return torch.tensor(np.concatenate([(features - self.mean) / self.scale, known], axis=1), dtype=torch.float32)
 
 
-def view_of(demonstrations: Sequence[Demonstration], protocol: Protocol, told: bool) -> View:
-    """How a network shall see trials like these; `told`: with their interaction."""
+def input_layout_of(demonstrations: Sequence[Demonstration], protocol: Protocol, given: bool) -> InputLayout:
+    """Input layout for trials like these; `given`: with their interaction."""
     features = np.concatenate([features_of(thin(d, protocol), protocol.features) for d in demonstrations])
-    interactions = tuple(dict.fromkeys(d.interaction for d in demonstrations)) if told else ()
+    interactions = tuple(dict.fromkeys(d.interaction for d in demonstrations)) if given else ()
     # The floor keeps a joint that hardly moves (the shoulder) from being blown up to the size of the hand's motion.
     scale = features.std(axis=0) + 0.1 * features.std()
     stride = max(1, round(demonstrations[0].rate_hz / protocol.keep_every / SEEN_HZ))
-    return View(protocol, interactions, features.mean(axis=0), scale, stride)
+    return InputLayout(protocol, interactions, features.mean(axis=0), scale, stride)
 
 
 class RecurrentNetwork(nn.Module, ABC):
@@ -102,7 +102,7 @@ class PlainGru(RecurrentNetwork):
 class Recurrent:
     """A network with the standardisation it was trained under."""
 
-    view: View
+    view: InputLayout
     answers: tuple[FloatArray, float]
     network: RecurrentNetwork
 
@@ -124,7 +124,7 @@ def fit_recurrent(
     protocol: Protocol,
     seed: int,
     network_of: Callable[[int, Tensor], RecurrentNetwork] = lambda inputs, answers: PlainGru(inputs, answers.shape[1]),
-    told: bool = True,
+    given: bool = True,
 ) -> Recurrent:
     """Learn all interactions with one network (see `Fit`).
 
@@ -133,13 +133,13 @@ def fit_recurrent(
         protocol: How windows are cut.
         seed: Of all draws.
         network_of: Makes the network from the number of inputs and all standardised answers (N, F); a plain GRU.
-        told: Whether the network is told the interaction.
+        given: Whether the network gets the interaction as an input.
     """
     windows = [cut(d, protocol).controlled for d in demonstrations]
     answers = [part.reshape(len(part), int(np.prod(part.shape[1:]))) for part in windows]
     mean, scale = np.concatenate(answers).mean(axis=0), float(np.concatenate(answers).std())
     standard = [torch.tensor((answer - mean) / scale, dtype=torch.float32) for answer in answers]
-    view = view_of(demonstrations, protocol, told)
+    view = input_layout_of(demonstrations, protocol, given)
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         learned = Recurrent(view, (mean, scale), network_of(view.size, torch.cat(standard)))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Between epochs: the networks encode all trials as recorded, and the priors are estimated anew from the latents."""
+"""Between epochs: the networks encode all trials as recorded, and the priors are re-estimated from the latents."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Learning a reservoir's readouts: the answers of each interaction alone, and from all of them which one it is.
 
-Each is one linear system; its penalty, and how sharply interactions are told apart, are chosen by trials left out.
+Each is one linear system; its penalty, and the sharpness of its classification, are chosen on held-out trials.
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ class _Part:
         answers: A readout for each interaction.
         labels: That of the interactions' probabilities.
         left_out: (n, A) answers of those that have not learned from a trial, for each trial.
-        told: (n, P) probabilities, likewise.
+        class_scores: (n, P) of the interactions, likewise.
     """
 
     units: Reservoir
     answers: list[Linear]
     labels: Linear
     left_out: list[FloatArray]
-    told: list[FloatArray]
+    class_scores: list[FloatArray]
 
 
 _Folds = list[tuple[list[int], list[int]]]
@@ -83,11 +83,11 @@ def fit_reservoir(
     mean = every.mean(axis=0)
     back = np.linalg.svd((every - mean)[::STRIDE], full_matrices=False)[2][:ANSWER_COORDINATES]
     parts = [_learn(corpus, training, (seed, number), back, mean) for number in range(settings.count)]
-    left_out, told = (
+    left_out, scores = (
         [np.mean(said, axis=0) for said in zip(*of_parts, strict=True)]
-        for of_parts in ([part.left_out for part in parts], [part.told for part in parts])
+        for of_parts in ([part.left_out for part in parts], [part.class_scores for part in parts])
     )
-    sharpness = _sharpness(np.concatenate(told), np.concatenate(probabilities_of(corpus, corpus.tracks)))
+    sharpness = _sharpness(np.concatenate(scores), np.concatenate(probabilities_of(corpus, corpus.tracks)))
     return _together(parts, sharpness), [answer @ back + mean for answer in left_out]
 
 
@@ -192,11 +192,11 @@ def _left_out(
     return said
 
 
-def _sharpness(told: FloatArray, probable: FloatArray) -> float:
-    """What `told` (n, P) is multiplied with so that its softmax comes nearest to what is probable (n, P)."""
+def _sharpness(scores: FloatArray, probable: FloatArray) -> float:
+    """Factor of `scores` (n, P) whose softmax comes closest to the probabilities (n, P)."""
 
     def surprise(sharpness: float) -> float:
-        logits = sharpness * told
+        logits = sharpness * scores
         return float((probable * (np.logaddexp.reduce(logits, axis=1, keepdims=True) - logits)).sum())
 
     return min(SHARPNESSES, key=surprise)

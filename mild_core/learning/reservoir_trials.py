@@ -110,13 +110,13 @@ def _states(
         moved: FloatArray = state + leak * (np.tanh(heard @ state + given) - state)
         return moved
 
-    state, rested, begun = np.zeros(drive.shape[1:]), 0, []
+    state, rested, initial = np.zeros(drive.shape[1:]), 0, []
     for rest_s in rests_s:
         for _ in range(round(rest_s * rate_hz) - rested):
             state = after(state, drive[0])
         rested = round(rest_s * rate_hz)
-        begun.append(state)
-    state, states = np.hstack(begun), []
+        initial.append(state)
+    state, states = np.hstack(initial), []
     for number, given in enumerate(drive):
         state = after(state, np.tile(given, len(rests_s)))
         if number >= first and (number - first) % STRIDE == 0:

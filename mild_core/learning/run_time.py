@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mild_core.learning.baseline import GIVEN, RECOGNISED, STARTED
-from mild_core.learning.calibration import Calibration, Doubt, calibrate
+from mild_core.learning.calibration import CalibrationSample, UncertaintyCalibration, calibrate
 from mild_core.learning.demonstration import Demonstration
 from mild_core.learning.evaluation import errors_of_trial
 from mild_core.learning.model_predictor import AUTO, Answers, ModelPredictor
@@ -40,7 +40,7 @@ class HeldOut:
 
     named: tuple[str, ...]
     unknown: float
-    doubt: Doubt
+    doubt: CalibrationSample
     windows: int
     squared: FloatArray
 
@@ -53,28 +53,28 @@ class RunTime:
         trials: How many there were.
         wrong: At each of `AFTER_S`, in how many of them it acted upon none or another interaction; mean over seeds.
         unknown: Share of the frames called unknown, mean over trials and seeds: all are false alarms.
-        untold: (2,) share by which the error grows where the interaction is not given, in frames up to a second after
-            the onset, at rest nobody can know, and in later ones; macro, mean over seeds.
+        recognition_cost: (2,) share by which the error grows where the interaction is not given, in frames up to a
+            second after the onset, where a resting person shows nothing, and in later ones; macro, mean over seeds.
         calibration: One per seed.
     """
 
     trials: int
     wrong: Mapping[float, float]
     unknown: float
-    untold: FloatArray
-    calibrations: tuple[Calibration, ...]
+    recognition_cost: FloatArray
+    calibrations: tuple[UncertaintyCalibration, ...]
 
 
-def tellings(predictor: ModelPredictor) -> tuple[str, ...]:
-    """All that a model can be told, see `baseline.GIVEN`."""
+def label_kinds(predictor: ModelPredictor) -> tuple[str, ...]:
+    """All kinds of labels a model can be given, see `baseline.GIVEN`."""
     return (GIVEN, RECOGNISED) if predictor.model.start_pose is None else (GIVEN, RECOGNISED, STARTED)
 
 
 def run_trial(predictor: ModelPredictor, trial: Demonstration) -> dict[str, Answers]:
-    """Run a held-out trial by the run-time stage, once for each of `tellings`."""
+    """Run a held-out trial by the run-time stage, once for each of `label_kinds`."""
     return {
-        told: predictor.answers(trial, AUTO if told == RECOGNISED else trial.interaction, started=told == STARTED)
-        for told in tellings(predictor)
+        labels: predictor.answers(trial, AUTO if labels == RECOGNISED else trial.interaction, started=labels == STARTED)
+        for labels in label_kinds(predictor)
     }
 
 
@@ -87,18 +87,22 @@ def watch(predictor: ModelPredictor, trial: Demonstration, run: Mapping[str, Ans
         run: What `run_trial` says of it.
         fold: In which it is held out.
     """
-    told, free = run[GIVEN], run[RECOGNISED]
-    last = len(free.interactions) - 1
-    named = [free.interactions[min(last, onset_window(trial, predictor.protocol, s))] for s in AFTER_S]
+    given, recognised = run[GIVEN], run[RECOGNISED]
+    last = len(recognised.interactions) - 1
+    named = [recognised.interactions[min(last, onset_window(trial, predictor.protocol, s))] for s in AFTER_S]
     settled = min(last, onset_window(trial, predictor.protocol, SETTLED_S))
-    unknown = float(np.mean(free.out_of_distribution[settled:] > 1.0))
-    errors = (told.predicted - cut(trial, predictor.protocol).controlled)[::EVERY]
+    unknown = float(np.mean(recognised.out_of_distribution[settled:] > 1.0))
+    errors = (given.predicted - cut(trial, predictor.protocol).controlled)[::EVERY]
     errors = errors.reshape(*errors.shape[:2], -1)
-    spread = told.covariances[::EVERY] - predictor.model.residual_covariance
-    given, guessed = (errors_of_trial(trial, predictor.protocol, one.predicted).squared for one in (told, free))
-    more = guessed - given
-    squared = np.array([given.sum(), more[:settled].sum(), more[settled:].sum()])
-    return HeldOut(tuple(named), unknown, Doubt(fold, trial.interaction, errors, spread), len(given), squared)
+    spread = given.covariances[::EVERY] - predictor.model.residual_covariance
+    errors_given, errors_recognised = (
+        errors_of_trial(trial, predictor.protocol, one.predicted).squared for one in (given, recognised)
+    )
+    more = errors_recognised - errors_given
+    squared = np.array([errors_given.sum(), more[:settled].sum(), more[settled:].sum()])
+    return HeldOut(
+        tuple(named), unknown, CalibrationSample(fold, trial.interaction, errors, spread), len(errors_given), squared
+    )
 
 
 def summarise_run_time(seeds: Sequence[Sequence[HeldOut]]) -> RunTime:
@@ -111,13 +115,13 @@ def summarise_run_time(seeds: Sequence[Sequence[HeldOut]]) -> RunTime:
         len(seeds[0]),
         {s: count / len(seeds) for s, count in wrong.items()},
         float(np.mean([one.unknown for trials in seeds for one in trials])),
-        np.mean([_untold(trials) for trials in seeds], axis=0),
+        np.mean([_recognition_cost(trials) for trials in seeds], axis=0),
         tuple(calibrate([one.doubt for one in trials]) for trials in seeds),
     )
 
 
-def _untold(trials: Sequence[HeldOut]) -> FloatArray:
-    """(2,) see `RunTime.untold`."""
+def _recognition_cost(trials: Sequence[HeldOut]) -> FloatArray:
+    """(2,) see `RunTime.recognition_cost`."""
     groups = [[t for t in trials if t.doubt.interaction == name] for name in {t.doubt.interaction for t in trials}]
     means = [np.sum([t.squared for t in group], axis=0) / sum(t.windows for t in group) for group in groups]
     given, *added = (float(mean) for mean in np.mean(means, axis=0))

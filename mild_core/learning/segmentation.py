@@ -79,7 +79,7 @@ class Cut:
 
     Attributes:
         segments: In order of time.
-        speed_m_s: (T,) of the hand; NaN where it cannot be told.
+        speed_m_s: (T,) of the hand; NaN where unknown.
         away_m: (T,) how far it is from its place of rest.
         found_rest: Whether it rests at all.
     """

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 WARM_UP_EPOCHS = 10
 LEAST_RATE = 0.02
@@ -105,7 +105,7 @@ class PriorSettings:
         iterations: Of expectation maximisation each time.
         every: Epochs between two times.
         frozen_from: Share of the epochs after which it stays as it is.
-        restart: Probability per step that the online filter starts anew, see `Prior`.
+        restart: Probability per step that the online filter restarts, see `Prior`.
     """
 
     kind: str = "hsmm"
@@ -119,7 +119,7 @@ class PriorSettings:
 
 @dataclass(frozen=True)
 class RecogniserSettings:
-    """The network that tells interactions apart, see `recogniser`.
+    """The network that classifies the interaction, see `recogniser`.
 
     Attributes:
         question_coordinates: Principal components of the human's window that it sees.
@@ -180,13 +180,13 @@ class TrainingSettings:
         prior: The prior and its re-estimation.
         weights: Of the objective's terms.
         augmentation: None: trials as recorded.
-        recogniser: None: the reservoir alone tells interactions apart; without one, the priors' likelihoods do.
+        recogniser: None: the reservoir alone classifies the interaction; without one, the priors' likelihoods do.
         reservoir: None: the members answer alone.
-        start_pose: Whether it is learned what the robot's start tells, see `start_pose`; needs a reservoir.
+        start_pose: Whether a start pose correction is learned, see `start_pose`; needs a reservoir.
         stride: S: belief and memory see every S-th window; durations count in steps of S frames.
         gradient_stride: Windows between two that are learned from; `stride` where a gradient passes memory or belief.
         epochs: Number of passes over all trials.
-        observed_epochs: Of these, the first so many train the human's networks alone; then the robot's start from
+        observed_share: The first share of the epochs trains the human's networks alone; then the robot's start from
             the human's hidden layers of equal size.
         batch_trials: Trials (or augmented copies) for one step of the optimiser.
         learning_rate: Of AdamW.
@@ -214,7 +214,7 @@ class TrainingSettings:
     stride: int = 16
     gradient_stride: int = 16
     epochs: int = 360
-    observed_epochs: int = 0
+    observed_share: float = 0.0
     batch_trials: int = 16
     learning_rate: float = 4.5e-3
     decaying: bool = True
@@ -237,14 +237,17 @@ class TrainingSettings:
             raise ValueError("'context' is a source here, but the context has no sources itself")
         if not (self.evidence_per_s > 0.0 and 0.0 < self.evidence_kept_per_s <= 1.0):
             raise ValueError("evidence_per_s must be above 0, evidence_kept_per_s above 0 and at most 1")
-        if self.doublings < 0:
-            raise ValueError("doublings must be 0 or more")
+        if self.doublings < 0 or self.epochs < 1:
+            raise ValueError("doublings must be 0 or more, epochs at least 1")
+        if not 0.0 <= self.observed_share < 1.0:
+            raise ValueError("observed_share must be at least 0 and below 1: the robot's networks need epochs too")
         if self.start_pose and self.reservoir is None:
             raise ValueError("start_pose is learned from what a reservoir errs in, and there is none: reservoir = true")
 
-    def lasting(self, epochs: int) -> TrainingSettings:
-        """The same for another number of epochs; the human's networks alone have the same share of them."""
-        return replace(self, epochs=epochs, observed_epochs=round(self.observed_epochs * epochs / self.epochs))
+    @property
+    def observed_epochs(self) -> int:
+        """Number of epochs that train the human's networks alone; at least one is left for the robot's."""
+        return min(round(self.observed_share * self.epochs), self.epochs - 1)
 
     def learning_rate_in(self, epoch: int) -> float:
         """That of the optimiser in an epoch, counted from 0."""

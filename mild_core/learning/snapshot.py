@@ -63,6 +63,7 @@ class Learner:
     Attributes:
         networks: All of them.
         optimiser: Of their parameters.
+        carried: Layers that it started with from another model, as `network.layer`.
         fitted: None before the first estimate.
         average: Running average of the weights; empty before there is one.
         epochs: How many are done.
@@ -71,6 +72,7 @@ class Learner:
 
     networks: MemberNetworks
     optimiser: torch.optim.Optimizer
+    carried: tuple[str, ...] = ()
     fitted: FittedPriors | None = None
     average: dict[str, Tensor] = field(default_factory=dict)
     epochs: int = 0

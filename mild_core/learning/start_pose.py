@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Learning what the robot's start tells: a regression of what is wrong with predictions for trials left out.
+"""Learning the start pose correction: a regression of the prediction errors of held-out trials.
 
 Of the few starts that there are, little can be learned of each interaction by itself: every gain is half the same for
 all. Sizes of the gains were chosen by cross-validation over the training trials, see docs/accuracy.md.

@@ -32,7 +32,8 @@ class TrainedMember:
         prior: Of all interactions.
         question: Coordinates of the human's windows.
         answer: Coordinates of the robot's windows.
-        recogniser: None: the reservoir tells interactions apart, or else the priors do.
+        recogniser: None: the reservoir classifies the interaction, or else the priors do.
+        carried: Layers that training started with from another model, as `network.layer`.
     """
 
     networks: MemberNetworks
@@ -40,6 +41,7 @@ class TrainedMember:
     question: Coordinates
     answer: Coordinates
     recogniser: Recogniser | None = None
+    carried: tuple[str, ...] = ()
 
     def predict(self, questions: Tensor, label: Tensor) -> Tensor:
         """(B, N, W D) successive windows of B tracks and their labels (B,) -> (B, N, W J)."""
@@ -67,7 +69,7 @@ class TrainedModel:
         interactions: By label.
         members: At least one.
         reservoir: What answers beside them; None: they answer alone.
-        start_pose: What the robot's start tells; None: nothing.
+        start_pose: Correction by the robot's start pose; None: none.
     """
 
     protocol: Protocol

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Algorithm 1 of MILD as one generator: an epoch of the networks under a fixed prior, then the prior by EM.
 
-Nothing is printed or written here: whoever iterates gets a report of each epoch and, as the generator's return value,
-what was learned. Equal arguments give equal results on one machine and one number of threads.
+Nothing is printed or written here: the caller iterates over a report of each epoch and, as the generator's return
+value, what was learned. Equal arguments give equal results on one machine and one number of threads.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from mild_core.errors import DatasetError
+from mild_core.errors import DatasetError, SetupError
 from mild_core.inference.reservoir import Reservoir
 from mild_core.inference.start_pose import StartPose
 from mild_core.learning.carry_over import carry_over
@@ -96,7 +96,7 @@ def train(
         seed: Of all draws.
         interactions: All that the model shall know, by label; default: those demonstrated, in order.
         start: Layers of another model to start from, see `carry_over`.
-        resume: The newest snapshot of each member that an interrupted run of the same had begun, in order.
+        resume: The newest snapshot of each member that an interrupted run of the same training left, in order.
 
     Yields:
         A report after each epoch.
@@ -107,6 +107,7 @@ def train(
     Raises:
         ValueError, KeyError, RuntimeError: There is no demonstration, or a snapshot is of something else.
         DatasetError: See `require_learnable`; with `doublings` there are too few to hold some out.
+        SetupError: No layer of `start` fits.
 
     Source: Algorithm 1 of MILD.
     """
@@ -143,7 +144,7 @@ def require_learnable(demonstrations: Sequence[Demonstration], protocol: Protoco
     """Every trial must show what can be, and give the prior one step for each component.
 
     Raises:
-        DatasetError: One does not, or nobody moves in any of them.
+        DatasetError: One does not, or no person moves in any of them.
     """
     require_valid(demonstrations)
     for demonstration in demonstrations:
@@ -170,12 +171,12 @@ def _long_enough(
     parts = (corpus_of(part, corpus.protocol, corpus.interactions) for part in (fold.learned, fold.held_out))
     (learned, held_out), tried = parts, lengths(settings.epochs, settings.doublings)
     for place, epochs in enumerate(tried):
-        learner, objective = _learner(learned, settings.lasting(epochs), (seed, LOOKING), start, resume[place:])
+        learner, objective = _learner(learned, replace(settings, epochs=epochs), (seed, LOOKING), start, resume[place:])
         for report in _epochs(learned, objective, learner, (seed, LOOKING), held_out):
             yield replace(report, member=place, members=len(tried) + settings.members)
         errors += learner.validation
         if levelled_off(errors):
-            return settings.lasting(tried[place - 1]), place + 1
+            return replace(settings, epochs=tried[place - 1]), place + 1
     return settings, len(tried)
 
 
@@ -194,10 +195,13 @@ def _learner(
             settings.architecture, question.size, answer.size, labels, settings.prior.components, settings.dropout
         )
     compile_memories(networks)
-    carry_over(networks, start)
+    carried = carry_over(networks, start)
+    if start and not carried:
+        problem = "no hidden layer of it has the name and size of one that is trained here"
+        raise SetupError("start_from", problem, "leave it out, or name a model with the same architecture")
     rate, decay = settings.learning_rate, settings.weight_decay
     optimiser = torch.optim.AdamW(networks.parameters(), lr=rate, weight_decay=decay, fused=True)
-    learner = Learner(networks, optimiser)
+    learner = Learner(networks, optimiser, carried)
     if resume:
         learner.go_on_from(resume[0], settings, corpus.interactions)
     return learner, Objective(settings, question, answer, labels)
@@ -240,11 +244,11 @@ def _trained(corpus: Corpus, objective: Objective, learner: Learner, seed: int, 
     assert learner.prior is not None  # every epoch without one ends by making it
     with drawing_from(seed, number, objective.settings.epochs):
         recogniser = _recogniser(corpus, objective.settings)
-    return TrainedMember(networks, learner.prior, objective.question, objective.answer, recogniser)
+    return TrainedMember(networks, learner.prior, objective.question, objective.answer, recogniser, learner.carried)
 
 
 def _recogniser(corpus: Corpus, settings: TrainingSettings) -> Recogniser | None:
-    """The network that tells interactions apart, where settings have one."""
+    """The recogniser network, where settings have one."""
     if settings.recogniser is None:
         return None
     epochs = round(settings.recogniser.epochs * settings.epochs)
@@ -269,7 +273,7 @@ def _coordinates(windows: Tensor, count: int, whitening: float) -> Coordinates:
 def _pass(
     learner: Learner, objective: Objective, corpus: Corpus, observed_only: bool
 ) -> tuple[float, float, float, float]:
-    """One epoch: every trial, `copies` times, bent anew. Returns the mean terms."""
+    """One epoch: every trial, `copies` times, with new augmentation. Returns the mean terms."""
     settings, networks, optimiser, prior = objective.settings, learner.networks, learner.optimiser, learner.prior
     tracks, phase = corpus.tracks, 0
     if settings.augmentation is not None:

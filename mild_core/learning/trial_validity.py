@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What no trial can show: told before anything is learned, because a model of it would be nonsense or none at all."""
+"""Checks of trials before training: a model of invalid trials would be nonsense or fail."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ NEAR_TURN_RAD = 1.0
 """So near to whole turns between the medians of two trials, they are meant."""
 
 STILL_RAD, STILL_M = 0.01, 0.01
-"""Whoever moves by less in every trial shows nothing to learn from."""
+"""Trials in which the person moves by less than this contain nothing to learn from [m]."""
 
 REPAIR = "leave the trial out, or repair it"
 

@@ -85,7 +85,7 @@ class Trials:
         interactions: Their names, in the order of a model's labels.
         observed: The person; every trial has these bone lengths.
         controlled: A robot's joints or a partner's arm.
-        robot_from_human: Where the person stood; None when nobody knows.
+        robot_from_human: Where the person stood; None when unknown.
         trial: The trials.
     """
 

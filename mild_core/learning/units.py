@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""In what errors are told: joint angles of a robot, or positions of a partner's arm."""
+"""Units of errors: joint angles of a robot, or positions of a partner's arm."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How well a motion that was never shown is told unknown: each interaction left out in turn."""
+"""How well unseen motions are detected as unknown: each interaction left out in turn."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Separation:
 def leave_one_out(
     demonstrations: Sequence[Demonstration], protocol: Protocol, interactions: Sequence[str], seed: int = 0
 ) -> Mapping[str, Mapping[str, Separation]]:
-    """By interaction left out, how well our score and a nearest neighbour's tell it from the others.
+    """By interaction left out, how well our score and a nearest neighbour's separate it from the others.
 
     What is learned from the other interactions in three quarters of their trials meets the trials of the one that was
     left out, and those of the others that were held out: by four folds. Our score is the territory's, which no network

@@ -78,7 +78,7 @@ def drop(values: Tensor, share: float) -> Tensor:
     return values * torch.from_numpy(kept.reshape(values.shape))
 
 
-class Chain(nn.Module):
+class LayerStack(nn.Module):
     """A list of dense and GRU layers over (B, N, inputs).
 
     In training a share of the values is dropped after each hidden layer; with a GRU, after the GRU alone.
@@ -126,22 +126,22 @@ GRU_ARRAYS = {
 }
 
 
-def perceptron(inputs: int, hidden: Sequence[int], outputs: int, dropout: float = 0.0) -> Chain:
+def perceptron(inputs: int, hidden: Sequence[int], outputs: int, dropout: float = 0.0) -> LayerStack:
     """Dense layers with leaky rectifiers between them."""
     sizes = [inputs, *hidden]
     layers = [
         LayerSpec("dense", f"hidden_{i + 1}", a, b, "leaky_relu") for i, (a, b) in enumerate(itertools.pairwise(sizes))
     ]
-    return Chain([*layers, LayerSpec("dense", "output", sizes[-1], outputs)], dropout)
+    return LayerStack([*layers, LayerSpec("dense", "output", sizes[-1], outputs)], dropout)
 
 
-def memory(inputs: int, hidden: int, size: int, dropout: float) -> Chain:
+def memory(inputs: int, hidden: int, size: int, dropout: float) -> LayerStack:
     """A dense layer and a GRU."""
     layers = [
         LayerSpec("dense", "hidden_1", inputs, hidden, "leaky_relu"),
         LayerSpec("gru", "memory", hidden, size),
     ]
-    return Chain(layers, dropout)
+    return LayerStack(layers, dropout)
 
 
 class MemberNetworks(nn.Module):

@@ -18,7 +18,7 @@ from mild_core.signals import FeatureWindow
 NANOSECONDS_PER_SECOND = 1_000_000_000
 
 ONSET_M, REST_FRAMES = 0.05, 10
-"""A motion has begun when the hand is this far from its mean place in the first frames."""
+"""A motion starts when the hand is this far from its mean place in the first frames."""
 
 
 @dataclass(frozen=True)
@@ -55,9 +55,9 @@ def protocols(window: int, keep_every: int) -> Mapping[str, Protocol]:
 
     Source: "same" is the protocol of the MILD paper, "next" that of the authors' later code.
     """
-    same = "the person's last window tells the other agent's same window (the paper)"
-    ahead = "the person's last window tells the other agent's next window"
-    after = "five frames of the person, with their velocities, tell the other agent's next five"
+    same = "from the person's last window to the other agent's same window (the paper)"
+    ahead = "from the person's last window to the other agent's next window"
+    after = "from five frames of the person, with velocities, to the other agent's next five"
     return MappingProxyType(
         {
             "same": Protocol("same", 1, window, "positions", 1 - window, same),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The canonical arm: whoever stands wherever, the model sees a right arm in its own frame with its own bone lengths."""
+"""The canonical arm: for every person and place, a right arm in the model's frame with the model's bone lengths."""
 
 from __future__ import annotations
 

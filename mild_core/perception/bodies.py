@@ -624,7 +624,7 @@ def observed(
                 left = _unit(_across(middle - after[RIGHT_SHOULDER, :3], upright), up)
             elif seen_hips:
                 left = _unit(_across(after[LEFT_HIP, :3] - after[RIGHT_HIP, :3], upright), up)
-            elif not framed:  # somebody who faces the camera
+            elif not framed:  # a person who faces the camera
                 left = _unit(_cross(upright, -middle), np.array([0.0, 1.0, 0.0]))
             for mark, side in ((LEFT_SHOULDER, 0.5), (RIGHT_SHOULDER, -0.5)):
                 if joints[mark, 3] < 2.0:

@@ -16,7 +16,7 @@ from mild_core.perception.gates import Body, Point, body_of, seen_joint
 from mild_core.signals import SkeletonFrame
 
 TRUNK = ("pelvis", "chest", "left_shoulder", "right_shoulder", "head")
-"""Where a person is; limbs move too fast to tell."""
+"""Joints that locate a person; limbs move too fast for that."""
 
 RUNNING_M_S = 3.0
 """A person with the right number may have gone this fast while hidden."""
@@ -72,7 +72,7 @@ def find_person(lock: Lock | None, everyone: Sequence[Seen], reach_m: float) -> 
         reach_m: How far from the last place a body with another number may be.
 
     Returns:
-        None when nobody can be them.
+        None when no detection fits.
     """
     if lock is None:
         return min(everyone, key=_distance_from_origin, default=None)

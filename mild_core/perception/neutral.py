@@ -42,7 +42,7 @@ MEDIAN_STEP, FARTHEST_JITTER = 2.175, 4.5
 Source: chi distribution of three degrees of freedom."""
 
 MISPLACED = ("mirrored", "wrong_up_axis")
-"""Reasons of `check_trunk`: nobody knows where such a body is."""
+"""Reasons of `check_trunk`: the place of such a body is unknown."""
 
 _FLAT = "are the names of the joints in the tracker's order?"
 

@@ -23,7 +23,7 @@ GAP_INTERVALS = 1.5
 """More tracker intervals than this between two frames: one in between was lost."""
 
 FLOOD_NS = 2_000_000
-"""No tracker sees a person twice within this time: of a flood nobody can tell what is missing in it."""
+"""No tracker sees a person twice within this time: in a flood of messages, gaps cannot be detected."""
 
 _RISE, _FALL = 0.05, 0.10
 """Most that one interval may change the estimate: losses lengthen intervals, nothing shortens them."""

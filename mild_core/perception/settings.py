@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What perception is told: what the model wants to see, which person and arm, and when a frame is not to be used."""
+"""Settings of perception: the model's input, which person and arm, and when a frame is rejected."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ class PerceptionSettings:
         source_axes: The axes of the tracker, for telling a wrong camera frame; "unknown" turns this check off.
         frame_id: The only tf frame to accept; empty accepts the first that comes.
         robot_from_source: (4, 4) pose of the tracker's frame in the robot's base frame, for a camera that is
-            calibrated to the robot; None when nobody knows it.
-        calibration: One made before, to start without the neutral second; who comes later calibrates anew.
+            calibrated to the robot; None when unknown.
+        calibration: One made before, to start without the neutral second; a later person calibrates again.
         calibration_s: How long the person has to stand still.
         calibration_still_m: Farthest that shoulders and pelvis may stray from their mean meanwhile.
         max_gap_s: Longest time without a usable frame that is bridged by interpolation.

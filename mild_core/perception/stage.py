@@ -6,7 +6,7 @@ Every message ends in exactly one outcome, and no message is lost without being 
     accepted                          its arm was used (zero, one or more windows)
     calibrating, moving, interrupted  part of the neutral second; the person did not stand still, or was not seen for
                                       longer than may be bridged
-    nobody, other_person              the watched person is not in it
+    no_person, other_person           the watched person is not in it
     frozen                            the watched person or arm repeats itself to the bit: it is not measured
     duplicate, out_of_order           its stamp is not later than the one before
     unknown_frame                     everyone in it is in another tf frame
@@ -15,7 +15,7 @@ Every message ends in exactly one outcome, and no message is lost without being 
                                       length alone condemns none that a human may have
     flat_torso, wrong_up_axis, wrong_forward_axis, mirrored
                                       the trunk says that the axes are wrong: nothing is calibrated on it, nor
-                                      taken of somebody who turns upside down or inside out after it
+                                      taken of a person who turns upside down or inside out after it
 
 Beside them, events are counted that may come with any outcome: `windows`, `filled` (of these, bridged by
 interpolation), `missed` (messages that never came), `gap_reset`, `time_reset`, `calibrated`, `reacquired`,
@@ -56,7 +56,7 @@ from mild_core.perception.person import person_pose
 from mild_core.perception.repetition import Repetitions, repeated
 from mild_core.perception.resampling import Cadence
 from mild_core.perception.settings import PerceptionSettings
-from mild_core.perception.window import ArmStream, begun, extended
+from mild_core.perception.window import ArmStream, extend, start
 from mild_core.shapes import FloatArray, read_only
 from mild_core.signals import ARM_FRAME, ROBOT_FRAME, UNKNOWN_DIRECTION, FeatureWindow, PersonPose, SkeletonFrame
 
@@ -113,8 +113,8 @@ class Perception:
         """The state before the first message."""
         return PerceptionState(calibration=self.settings.calibration)
 
-    def afresh(self, state: PerceptionState) -> PerceptionState:
-        """The state that watches nobody, without a kept calibration; counts go on, and everyone stays an obstacle."""
+    def reset(self, state: PerceptionState) -> PerceptionState:
+        """The state without a tracked person or calibration; counts go on, and everyone stays an obstacle."""
         bodies = replace(state.bodies, watched=0)
         return PerceptionState(counts=state.counts, repetitions=state.repetitions, bodies=bodies)
 
@@ -123,7 +123,7 @@ class Perception:
 
         Args:
             state: Before it.
-            people: Everyone in it; empty when the tracker sees nobody.
+            people: Everyone in it; empty when the tracker sees no person.
             now_ns: When it came.
 
         Returns:
@@ -139,8 +139,8 @@ class Perception:
         state = self._compared(state, everyone)
         living = [one for one in everyone if not self._frozen(state, one)]
         seen = find_person(state.lock, living, self.settings.reacquire_distance_m)
-        state, told = self._followed(state, everyone, seen, now_ns, events), state.bodies
-        is_newer = state.bodies is not told
+        state, before = self._followed(state, everyone, seen, now_ns, events), state.bodies
+        is_newer = state.bodies is not before
         if seen is None:
             absence, detail = self._absence(state, people, known)
             if known and (not living or any(self._frozen(state, one) and _is_locked(state, one) for one in everyone)):
@@ -220,7 +220,7 @@ class Perception:
     ) -> tuple[str, str]:
         """The outcome of a message without the watched person, and why."""
         if known or not people:
-            return ("other_person" if known else "nobody"), ""
+            return ("other_person" if known else "no_person"), ""
         wanted = self._wanted_frame(state)
         remedy = "set frame_id to that, or leave it empty" if self.settings.frame_id else "call ~/reset to follow it"
         return "unknown_frame", f"people are in '{people[0].frame_id}', expected '{wanted}': {remedy}"
@@ -228,7 +228,7 @@ class Perception:
     def _rewound(
         self, state: PerceptionState, people: tuple[SkeletonFrame, ...], events: Counter[str]
     ) -> PerceptionState:
-        """Begin anew when time goes back by more than late messages may be late: a bag that loops."""
+        """Reset when time goes back by more than late messages may be late: a bag that loops."""
         newest_ns = max([person.stamp_ns for person in people], default=None)
         if newest_ns is None or state.lock is None or newest_ns >= state.lock.stamp_ns - self.settings.max_gap_ns:
             return state
@@ -239,7 +239,7 @@ class Perception:
         """The watched person is not there: wait for them, but not for ever."""
         if state.lock and now_ns - state.lock.received_ns > self.settings.forget_ns:
             events["forgotten"] += 1
-            return self.afresh(state)
+            return self.reset(state)
         return replace(state, cadence=state.cadence and replace(state.cadence, absent=state.cadence.absent + 1))
 
     def _locked(
@@ -273,7 +273,7 @@ class Perception:
         )
 
     def _everyone(self, state: PerceptionState, calibration: Calibration | None) -> PersonPose | None:
-        """Where everyone is while the watched person is not calibrated or not in view; None when nobody can say."""
+        """Where everyone is while the watched person is not calibrated or not in view; None when unknown."""
         placing, bodies = self._placing(calibration), state.bodies
         if placing is None:
             return None
@@ -365,7 +365,7 @@ class Perception:
         if bones.misfit_ns <= settings.forget_ns:
             return PerceptionState(**{**vars(state), "bones": bones})
         events["forgotten"] += 1
-        return replace(self.afresh(state), lock=state.lock, bodies=state.bodies)
+        return replace(self.reset(state), lock=state.lock, bodies=state.bodies)
 
     def _sampled(
         self,
@@ -384,9 +384,9 @@ class Perception:
             stream = None
         if stream:
             filled = cadence is not None and cadence.is_gap(stamp_ns - stream.grid.sample_ns)
-            stream, rows = extended(stream, stamp_ns, arm_m, settings)
+            stream, rows = extend(stream, stamp_ns, arm_m, settings)
         else:
-            stream, rows = begun(stamp_ns, arm_m, settings)
+            stream, rows = start(stamp_ns, arm_m, settings)
         windows = tuple([FeatureWindow(stamp, ARM_FRAME, settings.joint_names, features) for stamp, features in rows])
         events["windows"] += len(windows)
         if filled:

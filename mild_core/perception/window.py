@@ -30,7 +30,7 @@ Row = tuple[int, FloatArray]
 """Stamp [ns] of a window's newest row, and the window (W, D)."""
 
 
-def begun(stamp_ns: int, arm_m: FloatArray, settings: PerceptionSettings) -> tuple[ArmStream, list[Row]]:
+def start(stamp_ns: int, arm_m: FloatArray, settings: PerceptionSettings) -> tuple[ArmStream, list[Row]]:
     """The stream of which this frame is grid point 0.
 
     Its window repeats this frame, the person being at rest, so that the robot can answer from the start.
@@ -48,7 +48,7 @@ def begun(stamp_ns: int, arm_m: FloatArray, settings: PerceptionSettings) -> tup
     return ArmStream(Grid(stamp_ns, 1, stamp_ns, arm_m), rows), [(stamp_ns, rows)]
 
 
-def extended(
+def extend(
     stream: ArmStream, stamp_ns: int, arm_m: FloatArray, settings: PerceptionSettings
 ) -> tuple[ArmStream, list[Row]]:
     """The stream after one more frame, and the windows that it completes, oldest first.

@@ -40,7 +40,7 @@ NEIGHBOURS = 2
 """Links of so many joints apart cannot meet inside the joints' limits, as the middle one is between them."""
 
 FIRST_MET = 2
-"""The first frame whose links meet people: a shoulder, which the first joint turns on the spot, meets nobody."""
+"""The first frame whose links meet people: a shoulder, which the first joint turns on the spot, cannot hit a person."""
 
 SEEN_M = 0.015
 """What is seen of a link and sticks out by less makes capsules thicker; what sticks out by more gets its own."""
@@ -76,7 +76,7 @@ class Table:
 
 @lru_cache(maxsize=8)
 def table_of(robot: RobotModel) -> Table:
-    """The table under a robot that stands on one: it ends where the base begins, as far as its shapes tell."""
+    """The table under a robot that stands on one: it ends where the base begins, as far as its shapes show."""
     tree, ends = read_tree(robot.urdf_path), []
     loose = {joint.child for joint in tree.by_child.values() if joint.kind not in FIXED}
     for solid in read_solids(robot.urdf_path, "visual"):
@@ -108,7 +108,7 @@ class Capsules:
 
     @cached_property
     def moving(self) -> FloatArray:
-        """Places of those that the chain moves, without its first joint's: a shoulder meets nobody."""
+        """Places of those that the chain moves, without its first joint's: a shoulder cannot hit a person."""
         return np.flatnonzero(self.mounted >= FIRST_MET).astype(np.float64)
 
 

@@ -2,7 +2,7 @@
 """Distances and speeds of a robot's poses to itself and to people, compiled: what the guard decides by.
 
 Speeds of capsules are bounds over all their points: the ends of the axis, and what the link's turning adds at the
-surface. Speeds towards somebody are those of the nearest point of each capsule, and of points of its surface that come
+surface. Speeds towards a person are those of the nearest point of each capsule, and of points of its surface that come
 nearer faster, where these are asked for. Distances are exact for capsules.
 """
 
@@ -69,7 +69,7 @@ def evaluate_poses(
     """What is to be known of K poses (K, J) that move at (K, J), among S body segments that move on.
 
     Args:
-        times_s: (K,) from when the segments are where they are told.
+        times_s: (K,) since the segments were at their given places.
         positions_rad: (K, J) of the joints.
         velocities_rad_s: (K, J) of the joints.
         columns: Of `Chain`.
@@ -270,7 +270,7 @@ def _toward(at: FloatArray, rate: FloatArray, segment: FloatArray, way: FloatArr
 
 
 LEAST_M_S = 0.03
-"""A slower motion towards somebody is none while the arm gives way: parts of it turn so slowly."""
+"""A motion towards a person slower than this is ignored while the arm gives way: parts of it turn that slowly [m/s]."""
 
 
 @compiled

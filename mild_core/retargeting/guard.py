@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which motions are refused: into the robot itself, into anybody, or too fast near anybody.
+"""Which motions are refused: into the robot itself, into a person, or too fast near a person.
 
 A motion is taken only if it and the stop that it would need break no rule all the way, or none that stopping at once
 would not break as badly. A refused one is answered by stopping from where the robot is, along a way that was found
@@ -26,7 +26,7 @@ from mild_core.retargeting.capsules import Capsules, capsules_of
 from mild_core.retargeting.chain import Chain, chain_of, nearest_points
 from mild_core.retargeting.clearance import BREACHES, LEAST_M_S, evaluate_poses, find_breach, nearest_rows, path_bounds
 from mild_core.retargeting.limiter import JointMotion, Limiter
-from mild_core.retargeting.obstacles import NOBODY, Obstacles
+from mild_core.retargeting.obstacles import NO_ONE, Obstacles
 from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.shapes import FloatArray
@@ -41,7 +41,7 @@ ROUNDING = 1e-6
 """Less than this, in metres or metres per second, is not worse."""
 
 TOO_FAST = "refused_speed"
-"""Counted when a motion is too fast near somebody."""
+"""Counted when a motion is too fast near a person."""
 
 HURRIED_M = 0.2
 """As far outside of where the speed is limited a robot that is late may begin to catch up faster."""
@@ -50,7 +50,7 @@ LOOK_S = 0.01
 """Time between two looks at a path near people: there the bounds between looks are tight to 1 cm and 3 cm/s."""
 
 BETWEEN_M = 0.02
-"""More than anybody comes nearer between two such looks."""
+"""More than a person approaches between two such checks [m]."""
 
 FAR_M = 0.35
 """This far outside of where the speed is limited a path is looked at in a few places first; if their bounds are enough,
@@ -60,7 +60,7 @@ FAR_LOOKS = 2
 """Looks at a stop there."""
 
 UNPACED_M = 0.5
-"""Further outside of the zone nobody's arm is too fast to be slowed in time."""
+"""Beyond this distance from the zone every arm can still be slowed in time [m]."""
 
 PACE, SLOWING_S = 0.85, 0.15
 """Targets move at this share of the speed that is allowed, and outside of where it is faster by what they need this
@@ -78,7 +78,7 @@ class View(NamedTuple):
 
     @property
     def near_m(self) -> float:
-        """How near anybody is to the first of the poses."""
+        """Distance of the nearest person to the first of the poses [m]."""
         return float(self.clear_m[0].min(initial=math.inf))
 
 
@@ -141,7 +141,7 @@ class Guard:
             velocities_rad_s: How they move.
             among: Everyone.
             itself: Whether its clearance to itself matters.
-            around: Whether points all around the arm count towards somebody who comes, and not only the nearest.
+            around: Whether points all around the arm count for an approaching person, and not only the nearest.
             beyond_m: Rates are computed this far outside of the zones in which speed is limited, distances twice as
                 far.
         """
@@ -159,7 +159,7 @@ class Guard:
     def own_clearance_m(self, positions_rad: FloatArray) -> FloatArray:
         """(K,) clearance of the robot to itself, beyond what is kept, at poses (K, J) [m]."""
         still = np.zeros((1, len(self.robot.joint_names)))
-        return np.array([self.view(np.zeros(1), pose[None], still, NOBODY, 0.0).own_m[0] for pose in positions_rad])
+        return np.array([self.view(np.zeros(1), pose[None], still, NO_ONE, 0.0).own_m[0] for pose in positions_rad])
 
     def here(self, motion: JointMotion, among: Obstacles) -> View:
         """What is seen of the robot where it is."""
@@ -185,7 +185,7 @@ class Guard:
             elapsed_s: ... after this time.
             here: What is seen of it now.
             among: Everyone.
-            giving_way: Whether it leads away from somebody: then what little parts of the arm that turn with it come
+            giving_way: Whether it leads away from a person: then what little parts of the arm that turn with it come
                 towards them is none.
         """
         stop_s = limiter.stop_duration_s(then)
@@ -253,7 +253,7 @@ class Guard:
         return point_m, pushed
 
     def nearness(self, near_m: float) -> float:
-        """From 0 to 1 where the robot is so near somebody that its speed is limited."""
+        """From 0 to 1 where the robot is so close to a person that its speed is limited."""
         return min(max(1.0 - (near_m - self.settings.near_m) / HURRIED_M, 0.0), 1.0)
 
     def within_reach(self, among: Obstacles) -> bool:

@@ -2,7 +2,7 @@
 """Motion inside velocity, acceleration and jerk limits, time-optimal, for any time step.
 
 Each call plans from the current position, velocity and acceleration and samples the plan once, so that nothing
-but these three numbers per joint is carried from step to step. Position limits are kept by whoever gives the
+but these three numbers per joint is carried from step to step. Position limits are kept by the caller, who gives the
 target: every plan ends at rest in its target, so a plan that starts on another such plan stays between them.
 
 Source: L. Berscheid, T. Kroeger, "Jerk-limited Real-time Trajectory Generation with Arbitrary Target States",

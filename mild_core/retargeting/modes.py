@@ -15,13 +15,13 @@ class Mode(Enum):
     """What retargeting is doing; the value is the word in commands, on the topic `mode` and in diagnostics."""
 
     WAITING = "waiting"
-    """Nobody has said yet where the robot is: no command is sent."""
+    """The robot's position is unknown: no command is sent."""
     IDLE = "idle"
-    """Nobody is there, or is being calibrated: the robot stands where it is."""
+    """No person is there, or one is being calibrated: the robot stands where it is."""
     READY = "ready"
     """A person is there, with the hand at rest; the robot waits at home for them to start."""
     FOLLOWING = "following"
-    """Somebody interacts: the robot follows the newest motion window and brings the hands together."""
+    """A person interacts: the robot follows the newest motion window and brings the hands together."""
     HOLDING = "holding"
     """There is no motion to follow: the robot stops smoothly and stays."""
     RETURNING = "returning"
@@ -39,14 +39,14 @@ class Situation:
     Attributes:
         usable: There is a motion, it is fresh and the model knows what it is about.
         present: A calibrated person is seen.
-        raised: Their hand has left its rest for the robot, or nobody tells where hands are.
+        raised: Their hand has left its rest for the robot, or the place of hands is unknown.
         held: The operator holds the robot.
-        displaced: The robot is not where it was told to be.
+        displaced: The robot is not where it was commanded to be.
         silent: The robot has ceased to say where it is, or says two things.
         at_home: The robot rests at home.
         patience_over: The robot has held at rest for as long as it should before it goes home.
         too_long: It has been on its way home for longer than it should.
-        gave_way: It has left home to give way to somebody.
+        gave_way: It has left home to give way to a person.
     """
 
     usable: bool

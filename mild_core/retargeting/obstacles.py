@@ -19,11 +19,11 @@ HORIZON_S = 0.4
 """A segment goes on at its velocity for no longer than this after it was seen: then it may have turned."""
 
 AGED_S, AGED_M_S, AGED_MOST_M = 0.15, 0.2, 0.2
-"""From the first age on, a segment's radius grows at the second rate by the third at most: nobody knows where it went.
+"""From the first age on, a segment's radius grows at the second rate by the third at most: where it went is unknown.
 Source: a standing person who is not watched steps aside rather than runs."""
 
 KEPT_S = 5.0
-"""Without any new pose of anybody, people are taken to stay where they were for so long."""
+"""Without a new pose, people are assumed to stay where they were for this long [s]."""
 
 TOUCHED_M = 0.15
 """The watched hand is no further than this from the axis of its own forearm's segment, which reaches to the fingers."""
@@ -100,7 +100,7 @@ class Obstacles:
         object.__setattr__(self, "speeds_m_s", speeds)
 
     def is_bystander(self, place: int) -> bool:
-        """Whether the segment at a place is somebody's who is not watched."""
+        """Whether the segment at a place belongs to a person who is not tracked."""
         return place >= 0 and self.people[place] != WATCHED_PERSON
 
     def touchable(self) -> Obstacles:
@@ -112,8 +112,8 @@ class Obstacles:
         return replace(self, keep_m=keep)
 
 
-NOBODY = Obstacles((), (), np.zeros((0, 2, 3)), np.zeros((0, 2, 3)), np.zeros(0), np.zeros(0), np.zeros(0))
-"""Nobody is anywhere."""
+NO_ONE = Obstacles((), (), np.zeros((0, 2, 3)), np.zeros((0, 2, 3)), np.zeros(0), np.zeros(0), np.zeros(0))
+"""No people, no obstacles."""
 
 
 def obstacles_of(
@@ -135,14 +135,14 @@ def obstacles_of(
         now_ns: Time of the command.
     """
     if crowd is None or crowd.segments is NO_SEGMENTS or not len(crowd.segments.people):
-        return NOBODY
+        return NO_ONE
     age_s = max(0.0, (now_ns - crowd.stamp_ns) * 1e-9)
     if age_s > KEPT_S:
-        return NOBODY
+        return NO_ONE
     segments, unsure_m = crowd.segments, 0.0
     if crowd.frame_id == ARM_FRAME:
         if standing is None:
-            return NOBODY
+            return NO_ONE
         places = [place_m or standing.place_m]
         if not settings.allow_unmeasured_contact:  # who allows it says that people stand on a mark
             places += standing.others(places[0])
@@ -162,7 +162,7 @@ def obstacles_of(
             if person == WATCHED_PERSON and part == own:
                 keep[place_of] = settings.keep_out_m
     for array in (ends, radii, keep, zones):
-        array.flags.writeable = False  # they are nobody else's: `Obstacles` need not copy them
+        array.flags.writeable = False  # not shared, so `Obstacles` need not copy them
     return Obstacles(
         segments.people,
         segments.parts,

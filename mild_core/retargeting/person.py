@@ -47,7 +47,7 @@ Point = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Standing:
-    """Where a person's calibrated shoulder stands in the robot's base frame, if the camera does not tell.
+    """Where a person's calibrated shoulder stands in the robot's base frame, if the camera's pose is unknown.
 
     Attributes:
         place_m: One place for all interactions.
@@ -88,7 +88,7 @@ class Standing:
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """What is known of the person, in the frame in which they are told.
+    """What is known of the person, in the frame of the message.
 
     Attributes:
         frame_id: That frame.
@@ -182,7 +182,7 @@ def first_sight(pose: PersonPose, received_ns: int) -> Sight | None:
 def seen_again(sight: Sight | None, pose: PersonPose, received_ns: int) -> Sight | None:
     """What is known after one more pose, of the same person or, in another frame or at another time, a new one.
 
-    A pose without a watched person tells nothing of them: they may be back in the next.
+    A pose without a tracked person says nothing of them: they may be back in the next.
     """
     if not pose.watched:
         return sight

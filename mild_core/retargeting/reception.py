@@ -17,7 +17,7 @@ from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.retargeting.state import Request, RetargetingState
 from mild_core.retargeting.target import checked_plan
-from mild_core.signals import OFFERED, RESTING, ROBOT_FRAME, JointMeasurement, MotionWindow, PersonPose
+from mild_core.signals import OFFERED, RESTING, JointMeasurement, MotionWindow, PersonPose
 
 OUTSIDE_RAD = 0.02
 """A measured pose may lie this far outside the position limits: a robot that leans on its end stop."""
@@ -54,21 +54,12 @@ def take_motion(
     bound = OUT_OF_DISTRIBUTION if state.mode is Mode.FOLLOWING else settings.known_below
     # A hand that is back at its rest ends what was followed: the robot goes home, and does not hold as for the unknown.
     ended = given.state == RESTING and state.mode is Mode.FOLLOWING
-    named = bool(given.interaction) or _meets(state, given, settings)
-    if not ended and (not named or given.out_of_distribution > bound):
+    # An offered hand has no name yet: whether the robot sets off for one depends on the person, see `start_gate.py`.
+    is_some = bool(given.interaction) or (given.state == OFFERED and (given.may_start or state.mode is Mode.FOLLOWING))
+    if not ended and (not is_some or given.out_of_distribution > bound):
         since_ns = now_ns if state.unknown_since_ns is None else state.unknown_since_ns
         return replace(state, unknown_since_ns=since_ns).ended("unknown")
     return replace(state, plan=plan, unknown_since_ns=None).ended("accepted")
-
-
-def _meets(state: RetargetingState, given: MotionWindow, settings: RetargetingSettings) -> bool:
-    """Whether a hand is met that is offered for nobody knows what yet: its place has to be known, and may be touched.
-
-    To go on asks for less than to start: a hand that is met is met until it is back.
-    """
-    measured = state.sight is not None and state.sight.frame_id == ROBOT_FRAME
-    may = given.may_start or state.mode is Mode.FOLLOWING
-    return given.state == OFFERED and may and measured and settings.ik != "off"
 
 
 def _with_evidence(
@@ -76,11 +67,11 @@ def _with_evidence(
 ) -> RetargetingState:
     """The state with a running mean of how probable the recognised interaction is; what is unknown counts as 0.
 
-    An offered hand is on its way to a name: it counts, though only what is named is followed.
+    An offered hand is on its way to one of them, whichever it is.
     """
-    told = bool(given.interaction) or given.state == OFFERED
-    known = told and given.out_of_distribution <= settings.known_below
-    value = min(max(given.probability, 0.0), 1.0) if known and math.isfinite(given.probability) else 0.0
+    probability = 1.0 if given.state == OFFERED else given.probability if given.interaction else 0.0
+    known = given.out_of_distribution <= settings.known_below and math.isfinite(probability)
+    value = min(max(probability, 0.0), 1.0) if known else 0.0
     elapsed_s = settings.start_evidence_s if state.evidence_ns is None else (now_ns - state.evidence_ns) * 1e-9
     mean_s = settings.start_evidence_s / 2.0
     share = 1.0 - math.exp(-max(elapsed_s, 0.0) / mean_s) if mean_s > 0.0 else 1.0
@@ -180,7 +171,7 @@ def take_request(state: RetargetingState, given: Request, now_ns: int) -> Retarg
         return replace(state, mode=mode).ended("enabled")
     if given.kind in ("hold", "release"):
         held = given.kind == "hold"
-        # Whoever has their hand up when the robot is released has to raise it anew.
+        # A hand that is up when the robot is released has to be raised again.
         sight = state.sight.at_rest_here() if state.sight is not None and not held else state.sight
         return replace(state, held=held, sight=sight).ended("held" if held else "released")
     state = replace(state, plan=None, pursuit=None, unknown_since_ns=None, holding_since_ns=now_ns)

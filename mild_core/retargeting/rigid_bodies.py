@@ -25,7 +25,7 @@ LEAST_KG, LEAST_KG_M2 = 1e-2, 1e-5
 """Of a body: a ball of 5 cm that weighs next to nothing. Less makes physics with motors unsteady."""
 
 WITHOUT_LIMIT = 1e3
-"""Radians or metres; for joints whose limits nobody knows."""
+"""Radians or metres; for joints with unknown limits."""
 
 
 class _Body:

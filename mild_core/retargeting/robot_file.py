@@ -78,8 +78,8 @@ def read_robot(path: Path) -> RobotModel:
     try:
         values = parse_toml(content)
     except ValueError as error:
-        raise SetupError(str(path), f"is no TOML: {error}", "see 'Add a robot' in the README") from None
-    robot = _robot(path, Fields(str(path), "", values, "see 'Add a robot' in the README", SetupError))
+        raise SetupError(str(path), f"is no TOML: {error}", "see docs/robot.md") from None
+    robot = _robot(path, Fields(str(path), "", values, "see docs/robot.md", SetupError))
     chain_of(robot)  # both say in one line what does not fit
     if robot.arm_links is not None:
         LinkFollower(robot)

@@ -27,8 +27,6 @@ class RetargetingSettings:
         known_below: While not following, start again only below this out-of-distribution score (unknown is 1).
         home_after_s: Go home after holding for so long.
         home_velocity_rad_s: Largest speed of a joint on the way home.
-        gentle_velocity_rad_s: Largest speed of a joint towards a hand of which it is not known yet what it is offered
-            for, and of a motion that is not the given interaction's.
         ramp_velocity_rad_s: Largest speed that getting from the robot's pose onto a motion may add.
         position_margin_rad: Distance kept from the position limits.
         max_gap_s: After a longer time without a command the robot is taken to stand at its last command.
@@ -72,7 +70,6 @@ class RetargetingSettings:
     known_below: float = 0.8
     home_after_s: float = 2.0
     home_velocity_rad_s: float = 0.5
-    gentle_velocity_rad_s: float = 0.6
     ramp_velocity_rad_s: float = 1.0
     position_margin_rad: float = 0.01
     max_gap_s: float = 0.3

@@ -6,8 +6,8 @@
 The robot is commanded from where it says it is. Once the person raises the hand it follows the newest motion, read a
 little ahead of now because the limits make it lag, and brings the hands together where they are meant to touch. A hand
 that is offered before it is known for what is met by inverse kinematics alone, slowly, where it is measured. When the
-hand is back, or without a usable motion, it stops smoothly and goes home slowly; whoever starts on its way is
-followed at once. A motion into itself, into anybody or too fast near them is refused, and the arm gives way to people
+hand is back, or without a usable motion, it stops smoothly and goes home slowly; a person who starts on its way is
+followed at once. A motion into itself, into a person or too fast near one is rejected, and the arm gives way to people
 who come too near, also while it waits at home; only an operator's hold stands still. A robot that is found far from its
 command for a while (moved by hand, blocked, switched off) is not pulled back: the command moves smoothly to where the
 robot is, and what follows ramps from there. A robot that no longer says where it is may be anywhere, so the command
@@ -29,7 +29,7 @@ from mild_core.retargeting.guard import TOO_FAST, Guard, Verdict, View
 from mild_core.retargeting.life import person_present, situation, with_rest, with_start
 from mild_core.retargeting.limiter import JointMotion, Joints, Limiter, NoPlanError
 from mild_core.retargeting.modes import Mode, next_mode
-from mild_core.retargeting.obstacles import NOBODY, Obstacles, obstacles_of
+from mild_core.retargeting.obstacles import NO_ONE, Obstacles, obstacles_of
 from mild_core.retargeting.person import LOST_S, SHIFT_M_S, Standing
 from mild_core.retargeting.reception import joint_merger, take_measurement, take_motion, take_person, take_request
 from mild_core.retargeting.robot import RobotModel
@@ -52,7 +52,14 @@ from mild_core.signals import (
 __all__ = ["Mode", "Request", "Retargeting", "RetargetingInput", "RetargetingSettings", "RetargetingState"]
 
 HOME_SHARE = 0.1
-"""Share of the robot's acceleration and jerk used on the way home: nobody is waiting for it."""
+"""Share of the robot's acceleration and jerk used on the way home: no person waits for it."""
+
+GENTLE = 0.75
+"""Share of `ramp_velocity_rad_s` with which the robot meets a hand that is offered, not yet known for what, and follows
+a given interaction that is not the one performed."""
+
+UNHURRIED = 0.95
+"""Share of that speed of its targets: the limits overshoot a little where they catch up."""
 
 EASINGS = 3
 """Times that what is taken of a refused motion is halved: an eighth of it is as good as none."""
@@ -85,10 +92,10 @@ class Retargeting:
     Attributes:
         robot: What is commanded.
         settings: How.
-        standing: Where people stand, and in which interactions hands touch; None when nobody knows: then no hand is
+        standing: Where people stand, and in which interactions hands touch; None when unknown: then no hand is
             met, and only people whom a calibrated camera sees are kept away from.
-        camera_measured: Whether the camera's pose is known, for whoever asks before anybody is seen; None when only
-            people will tell.
+        camera_measured: Whether the camera's pose is known, if asked before a person is seen; None when only people
+            will show it.
     """
 
     robot: RobotModel
@@ -142,7 +149,7 @@ class Retargeting:
     def step(self, state: RetargetingState, given: RetargetingInput, now_ns: int) -> _Stepped:
         """Take one input, or None for a tick of the control clock, at time `now_ns`.
 
-        A tick and an accepted motion lead to one command, unless one was sent at this very time, nobody has said
+        A tick and an accepted motion lead to one command, unless one was sent at this very time, it is unknown
         yet where the robot is, or retargeting is disabled. Bad input is counted by its reason and changes nothing.
         """
         if state.commanded_ns is not None and now_ns < state.commanded_ns:
@@ -167,9 +174,9 @@ class Retargeting:
         if state.mode is Mode.DISABLED and motion.resting:
             return replace(state, commanded_ns=None), ()
         if state.commanded_ns is None and motion.resting and state.joints.disagree(now_ns):
-            return state, ()  # nobody knows where the first command would have to begin
+            return state, ()  # the start of the first command is unknown
         if state.commanded_ns is None:
-            state = replace(state, begun_ns=now_ns)
+            state = replace(state, started_ns=now_ns)
         elapsed_s = 0.0 if state.commanded_ns is None else (now_ns - state.commanded_ns) * 1e-9
         if self.settings.execution_delay_s:
             if elapsed_s > self.settings.max_gap_s:
@@ -178,7 +185,7 @@ class Retargeting:
         elif elapsed_s > self.settings.max_gap_s:
             state, elapsed_s = after_gap(state, motion, now_ns), 0.0
             motion = state.motion or motion
-        if state.plan is not None and self.standing is not None:
+        if state.plan is not None and state.plan.interaction and self.standing is not None:
             most_m = SHIFT_M_S * elapsed_s if state.near_m < self.settings.near_m else math.inf
             state = replace(state, place_m=self.standing.place(state.plan.interaction, state.place_m, most_m))
         among = self._obstacles(state, now_ns)
@@ -189,7 +196,7 @@ class Retargeting:
         state = self._in_next_mode(state, motion, now_ns)
         stands_ns = round(STAND_S * 1e9) if self.settings.execution_delay_s else 0
         try:
-            if not 0 <= now_ns - state.begun_ns < stands_ns:
+            if not 0 <= now_ns - state.started_ns < stands_ns:
                 state, motion = self._advanced(state, motion, among, here, now_ns, elapsed_s)
         except NoPlanError:
             motion = JointMotion.at_rest(motion.position_rad)
@@ -227,7 +234,7 @@ class Retargeting:
         return replace(state, mode=mode, plan=plan, holding_since_ns=now_ns)
 
     def _no_contact(self, state: RetargetingState, now_ns: int) -> str:
-        """Why hands do not meet, or should not, whether somebody is there or not; "" when they may."""
+        """Why hands do not meet, or should not, with or without a person in view; "" when they may."""
         crowd = state.crowd
         unmeasured = self.camera_measured is False if crowd is None else crowd.frame_id == ARM_FRAME
         if self._contact is None or self.standing is None or not self.standing.by_interaction:
@@ -301,7 +308,7 @@ class Retargeting:
         if refusal and among.is_bystander(verdict.segment):
             state = _paused(state, now_ns)
         if state.pursuit is not None and (retreat is not None or (refusal and refusal not in (SLOWED, TOO_FAST))):
-            # Held back for good a joint sets off anew, and does not hurry after what went on without it.
+            # A joint that was blocked ramps in again instead of catching up.
             each = zip(taken.position_rad, wanted.position_rad, strict=True)
             free = [retreat is None and a == b for a, b in each]
             goes = any(free) or retreat is not None
@@ -395,15 +402,14 @@ class Retargeting:
             aimed = np.minimum(np.maximum(aimed, self._lower), self._upper)
         pursuit = state.pursuit or Pursuit.onto(aimed, self._limiter.resting_place(motion))
         hurry = 0.0 if touch is None or plan.gentle else touch.share * self._guard.nearness(state.near_m)
-        pursuit, target = pursuit.nearer(aimed, self.settings.ramp_velocity_rad_s, hurry, elapsed_s)
+        ramp_rad_s = self.settings.ramp_velocity_rad_s * (GENTLE if plan.gentle else 1.0)
+        pursuit, target = pursuit.nearer(aimed, ramp_rad_s, hurry, elapsed_s)
         # A plan that turns takes what is left to catch up with along, beyond the limits too.
         target = np.minimum(np.maximum(target, self._lower), self._upper)
         before = np.array(pursuit.target_rad)
         if plan.gentle:
-            farthest = float(np.abs(target - before).max())
-            target = before + min(1.0, self.settings.gentle_velocity_rad_s * elapsed_s / max(farthest, 1e-9)) * (
-                target - before
-            )
+            most_rad, way_rad = UNHURRIED * ramp_rad_s * elapsed_s, float(np.abs(target - before).max())
+            target = before + min(1.0, most_rad / max(way_rad, 1e-9)) * (target - before)
         target = self._guard.limit_speed(before, target, here, among, state.crowded, elapsed_s)
         pursuit = pursuit.at(target, aimed)
         return replace(state, touch=touch, pursuit=pursuit), pursuit.target_rad
@@ -423,7 +429,7 @@ class Retargeting:
     def _obstacles(self, state: RetargetingState, now_ns: int) -> Obstacles:
         """Everyone where they will be when this command has been carried out."""
         if state.crowd is None:
-            return NOBODY
+            return NO_ONE
         hand_m = self._hand(state, now_ns)
         among = obstacles_of(state.crowd, self.settings, self.standing, state.place_m, hand_m, now_ns)
         # A hand that may not be touched anyway is not offered: it makes the arm give way as it comes.

@@ -35,7 +35,7 @@ class Request:
 
 @dataclass(frozen=True, eq=False)
 class RetargetingState:
-    """Where the robot is told to be, why, and what has happened so far.
+    """Where the robot is commanded to be, why, and what has happened so far.
 
     Attributes:
         mode: What it is doing ...
@@ -43,13 +43,13 @@ class RetargetingState:
         held: Whether the operator holds the robot.
         motion: The newest command with its acceleration; None before the first measurement.
         commanded_ns: When that command was sent; None before the first.
-        begun_ns: When the first command was sent since the robot was last given free.
+        started_ns: When the first command was sent since the robot was last given free.
         pending: With `execution_delay_s`: times [ns] and positions of the commands that are not yet carried out, and of
             the one that was carried out last, oldest first.
         plan: The newest usable motion; None when there is nothing to follow.
         had_plan: Whether there was one at the command before.
         unnamed: Whether what is followed has no name yet: an offered hand.
-        pursuit: The way onto the plan; None unless following, and where it starts anew.
+        pursuit: The way onto the plan; None unless following, and where it ramps in again.
         unknown_since_ns: When the model ceased to know what the person does; None while it knows.
         holding_since_ns: When holding began.
         joints: The robot's own word on where it is, joint by joint.
@@ -68,12 +68,12 @@ class RetargetingState:
         doubt: Where the hand that is raised has gone where no greeting goes; "" if it has not.
         start_refusal: Why the robot does not start for a hand that is raised; "" when it does.
         touch: How far the hands have been brought together; None when they are not.
-        place_m: Where the person is taken to stand, if the camera does not tell.
-        near_m: How near anybody was to the arm at the newest command.
+        place_m: Where the person is taken to stand, if the camera's pose is unknown.
+        near_m: Distance of the nearest person to the arm at the newest command [m].
         no_contact: Why hands are not brought together; "" when they may be.
         crowded: Whether a bystander is within the arm's reach, or near it.
         paused_ns: When a bystander last held the arm back; None if never.
-        yielding: Whether the arm gives way to somebody ...
+        yielding: Whether the arm gives way to a person ...
         gave_way: ... or has done so and is not at home since.
         counts: Events by reason since the start.
         outcome: What became of the newest input: a key of `counts`.
@@ -85,7 +85,7 @@ class RetargetingState:
     held: bool = False
     motion: JointMotion | None = None
     commanded_ns: int | None = None
-    begun_ns: int = 0
+    started_ns: int = 0
     pending: tuple[tuple[int, Joints], ...] = ()
     plan: Plan | None = None
     had_plan: bool = False
@@ -119,6 +119,11 @@ class RetargetingState:
     counts: Mapping[str, int] = field(default_factory=dict)
     outcome: str = ""
     detail: str = ""
+
+    @property
+    def named(self) -> bool:
+        """Whether it is known what the plan is about; else a hand is offered, not yet known for what."""
+        return self.plan is None or bool(self.plan.interaction)
 
     def with_sight(self, now_ns: int) -> RetargetingState:
         """The newest pose taken into account, if it came before now.

@@ -54,7 +54,7 @@ FREE_S = SPARE_S - CONTROLLER_PERIOD_S
 """The end of what is promised that no controller plays yet when it gets the next message, if none is lost."""
 
 COVERED_GAP_S = 0.025
-"""After a longer time without a command the robot is taken to have begun the stop in the last message."""
+"""After a longer time without a command the robot is assumed to have started the stop in the last message."""
 
 STAND_S = 0.5
 """How long the commands of a new stream stand still. After latency 0.4 s are left: a controller that holds the robot
@@ -164,7 +164,7 @@ class TrajectoryStream:
                 if now_ns > begin_ns:
                     state = replace(state, times_ns=(begin_ns, now_ns), motions=(start, start))
                 return state, None
-            # If it moves too soon, or time goes back, the stream begins anew.
+            # If it moves too soon, or time goes back, the stream starts again.
             state = replace(state, stands_until_ns=None) if left_ns <= 0 else TrajectoryState()
         state = self._promised(state, motion, now_ns)
         if state.stands_until_ns is not None:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Read the links' shapes and the joints from a robot description (URDF), trusting nothing in it.
 
-A description may come from anybody's latched topic, and what loads it later is native code that dies of what it does
-not expect. So every description is examined here first, whoever wants it, within budgets far above any robot's.
+A description may come from an untrusted latched topic, and what loads it later is native code that dies of what it does
+not expect. So every description is examined here first, for every caller, within budgets far above any robot's.
 """
 
 from __future__ import annotations

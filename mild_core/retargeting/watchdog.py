@@ -32,7 +32,7 @@ def known(state: RetargetingState, settings: RetargetingSettings, now_ns: int) -
 
 
 def with_ear(state: RetargetingState, settings: RetargetingSettings, now_ns: int) -> RetargetingState:
-    """The state that notices when a robot which said where it is has ceased to: nobody knows what it does then."""
+    """The state that notices when a robot which said where it is has ceased to: what it does then is unknown."""
     if state.silent or not state.reports or state.measured_ns is None or state.mode is Mode.DISABLED:
         return state
     if (now_ns - state.measured_ns) * 1e-9 <= settings.stale_after_s:
@@ -47,13 +47,13 @@ def after_gap(state: RetargetingState, motion: JointMotion, now_ns: int) -> Reta
     """
     if state.mode is Mode.FOLLOWING:
         state = replace(state, mode=Mode.HOLDING, holding_since_ns=now_ns)
-    # Whoever sent no command heard nothing either.
+    # Measurements during the gap were not processed; restart their timeout.
     heard_ns = None if state.measured_ns is None else now_ns
     return replace(state, measured_ns=heard_ns, motion=JointMotion.at_rest(motion.position_rad)).counted("gap")
 
 
 def after_time_jump(state: RetargetingState, now_ns: int) -> RetargetingState:
-    """The state after the clock went backwards (a bag that starts again): timing starts anew.
+    """The state after the clock went backwards (a bag that starts again): timing starts again.
 
     The robot knows nothing of it and still moves, so the command keeps its speed and stops smoothly.
     """

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the arm gives way to somebody who comes too near: away from them, and into nobody else.
+"""How the arm gives way to a person who comes too close: away from them, and into no other person.
 
-Each place of the arm near somebody gets a least speed away from them, which grows as they come faster and nearer
+Each place of the arm close to a person gets a least speed away from them, which grows as they come faster and nearer
 (a velocity damper). The joints' velocities are the smallest that fulfil all of these, as far as speed and position
 limits let them: a quadratic program. The limiter then takes the joints there inside acceleration and jerk.
 
@@ -25,17 +25,17 @@ from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.shapes import FloatArray
 
 DAMPER_S = 0.3
-"""Somebody who would be too near after this time makes the arm move; who is already, is left at the rate of their depth
-over this time. A joint needs a third of it to come up to speed, and a tracker's message is 0.05 s old."""
+"""A person who would be too close after this time makes the arm move; one who already is, is left at the rate of their
+depth over this time. A joint needs a third of it to come up to speed, and a tracker's message is 0.05 s old."""
 
 LEAST_M_S = 0.02
 """A slower retreat is none: it would follow a tracker's noise."""
 
 FASTEST_M_S = 1.5
-"""Nobody is given way faster, since nothing of the arm may be that fast near people."""
+"""The arm gives way no faster than this, since no part of it may be faster near people."""
 
 HEEDED_M = 0.4
-"""Places further from anybody than this, beyond what is kept, are left out of the program."""
+"""Places further from every person than this, beyond the kept distance, are left out of the program [m]."""
 
 LEAST_LEVER_M = 0.08
 """A place that joints move by less per radian is not moved: the rest of the arm would swing for it."""
@@ -89,7 +89,7 @@ class Yielding:
         return tuple((share * velocity).tolist())
 
     def _is_pressed(self, here: View, among: Obstacles) -> bool:
-        """Whether anybody is so near, or comes so fast, that the arm may have to give way."""
+        """Whether a person is so close, or comes so fast, that the arm may have to give way."""
         if not len(among.people):
             return False
         speeds = self._speeds(here.clear_m[0], here.approach_m_s[0], among, np.arange(len(among.people)))

@@ -102,10 +102,10 @@ def _is_plain(path: Path) -> bool:
 
 
 def temporary(text: str) -> Path:
-    """A file with a description, in a folder that nobody else can write to; the same for the same text.
+    """A file with a description, in a folder that only this user can write to; the same for the same text.
 
     Raises:
-        SetupError: The folder is somebody else's.
+        SetupError: The folder belongs to another user.
     """
     folder = private_folder()
     path = folder / f"{hashlib.sha256(text.encode(errors='replace')).hexdigest()[:16]}.urdf"
@@ -143,7 +143,7 @@ def _found(name: str, near: Path) -> Path | None:
         file = near / name.removeprefix("file://")
         return file if file.is_file() else None
     package, _, rest = name.removeprefix(scheme).partition("/")
-    if ".." in (package, *Path(rest).parts):  # a description may come from anybody: its meshes lie in their packages
+    if ".." in (package, *Path(rest).parts):  # untrusted description: its meshes must lie in their packages
         return None
     return next((folder / rest for folder in _folders(package, near) if (folder / rest).is_file()), None)
 

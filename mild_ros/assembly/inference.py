@@ -5,12 +5,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from mild_core.inference.model import MildModel, load_model
+from mild_core.inference.model import MildModel
 from mild_core.inference.stage import Inference
+from mild_core.resources import load_model
 from mild_core.retargeting.robots import ROBOTS
 from mild_core.signals import FeatureWindow
 from mild_ros.settings import InferenceParameters
-from mild_ros.share import model_folder
 
 
 def load(model: str) -> MildModel:
@@ -19,7 +19,7 @@ def load(model: str) -> MildModel:
     Raises:
         SetupError: There is none, or it cannot be trusted.
     """
-    return load_model(model_folder(model))
+    return load_model(model)
 
 
 def make_inference(parameters: InferenceParameters, model: MildModel) -> Inference:

@@ -12,15 +12,14 @@ from mild_core.inference.manifest import Manifest
 from mild_core.inference.manifest_reading import read_manifest
 from mild_core.perception.bodies import compile_kernels
 from mild_core.perception.gates import places_of
-from mild_core.perception.settings import PerceptionSettings
 from mild_core.perception.skeletons import SkeletonSource
 from mild_core.perception.skeletons.source import Axes
 from mild_core.perception.stage import Perception
+from mild_core.resources import model_folder, perception_settings
 from mild_core.retargeting.urdf import rotation_from_rpy
 from mild_core.shapes import FloatArray
 from mild_ros.calibration_file import CalibrationFile
 from mild_ros.settings import PerceptionParameters
-from mild_ros.share import model_folder
 
 
 def manifest_of(model: str) -> Manifest:
@@ -44,7 +43,7 @@ def skeleton_source(parameters: PerceptionParameters) -> SkeletonSource:
 
 
 def robot_from_camera(text: str) -> FloatArray | None:
-    """(4, 4) pose of the tracker's frame in the robot's base frame; None when nobody has measured it.
+    """(4, 4) pose of the tracker's frame in the robot's base frame; None when not measured.
 
     Raises:
         SetupError: The text does not hold six finite numbers.
@@ -69,15 +68,11 @@ def make_perception(parameters: PerceptionParameters, manifest: Manifest) -> Per
     Raises:
         SetupError: The tracker does not see a joint that the model observes, or a parameter cannot work.
     """
-    source, observed = skeleton_source(parameters), manifest.observed
-    settings = PerceptionSettings(
-        joint_names=observed.joint_names,
-        bone_lengths_m=observed.bone_lengths_m,
-        rate_hz=manifest.rate_hz,
-        window=manifest.window,
-        features=manifest.features,  # type: ignore[arg-type]
-        side=parameters.side,  # type: ignore[arg-type]
-        axes=parameters.axes,  # type: ignore[arg-type]
+    source = skeleton_source(parameters)
+    settings = perception_settings(
+        manifest,
+        side=parameters.side,
+        axes=parameters.axes,
         source_axes=source.axes,
         frame_id=parameters.frame_id,
         robot_from_source=robot_from_camera(parameters.robot_from_camera),

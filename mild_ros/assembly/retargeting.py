@@ -45,7 +45,6 @@ def make_retargeting(
         max_age_s=parameters.max_age_s,
         home_after_s=parameters.home_after_s,
         home_velocity_rad_s=parameters.home_velocity_rad_s,
-        gentle_velocity_rad_s=parameters.gentle_velocity_rad_s,
         ramp_velocity_rad_s=parameters.ramp_velocity_rad_s,
         ik=parameters.ik,  # type: ignore[arg-type]
         keep_out_m=parameters.keep_out_m,

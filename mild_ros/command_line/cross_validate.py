@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from mild_core.errors import SetupError
+from mild_core.resources import model_folder
 from mild_ros.command_line.console import Console
 from mild_ros.command_line.error_tables import markdown, markdown_table, print_cells, print_comparison, rows_as_data
 from mild_ros.command_line.run_time_tables import run_time_as_data, run_time_cells, unknown_as_data, unknown_cells
-from mild_ros.share import model_folder
 
 if TYPE_CHECKING:
     from mild_core.learning.comparison import Row
@@ -33,7 +33,7 @@ LEAST_INTERACTIONS = 3
 
 
 @dataclass(frozen=True)
-class Request:
+class CrossValidationRequest:
     """What to cross-validate.
 
     Attributes:
@@ -55,7 +55,7 @@ class Request:
     workers: int = 0
 
 
-def request_of(config: str, dataset: str, data: Path | None, protocol: str, every: bool) -> Request:
+def request_of(config: str, dataset: str, data: Path | None, protocol: str, every: bool) -> CrossValidationRequest:
     """What is asked for, by a configuration or by names; names win.
 
     Raises:
@@ -69,7 +69,7 @@ def request_of(config: str, dataset: str, data: Path | None, protocol: str, ever
     recording = recording_named(dataset or (configured.dataset if configured else "buetepage_hr"), data)
     name = protocol or (configured.protocol if configured else "same")
     protocols = tuple(recording.protocols) if every else (protocol_named(name, recording.protocols).name,)
-    return Request(recording, data or recording.default_path(), protocols, configured)
+    return CrossValidationRequest(recording, data or recording.default_path(), protocols, configured)
 
 
 def located(configuration: Configuration | None) -> Configuration | None:
@@ -83,7 +83,7 @@ def located(configuration: Configuration | None) -> Configuration | None:
     return replace(configuration, start_from=str(model_folder(configuration.start_from)))
 
 
-def cross_validate(request: Request, out: Path, as_json: bool) -> None:
+def cross_validate(request: CrossValidationRequest, out: Path, as_json: bool) -> None:
     """Run, print and write one table per protocol.
 
     Args:
@@ -113,7 +113,7 @@ def cross_validate(request: Request, out: Path, as_json: bool) -> None:
         print(json.dumps(tables if len(tables) > 1 else tables[request.protocols[0]], indent=1))
 
 
-def _require_trials(request: Request) -> tuple[Demonstration, ...]:
+def _require_trials(request: CrossValidationRequest) -> tuple[Demonstration, ...]:
     """The training trials, once they can be divided and cut.
 
     Raises:
@@ -155,8 +155,8 @@ def _leave(table: Mapping[str, Any], rows: Sequence[Row], unit: Unit, out: Path,
         Console().print(f"written to {stem}.json, .md and .png", highlight=False, soft_wrap=True)
 
 
-def tell_unknown(request: Request, out: Path, as_json: bool) -> None:
-    """Leave each interaction out, print and write how well it is told unknown, per protocol."""
+def detect_unknown(request: CrossValidationRequest, out: Path, as_json: bool) -> None:
+    """Leave each interaction out, print and write how well it is detected as unknown, per protocol."""
     from mild_core.learning.unknown import leave_one_out
 
     recording, trials = request.recording, _require_trials(request)
@@ -186,7 +186,7 @@ def _today() -> str:
 
 
 def _run(jobs: Sequence[Job], workers: int, protocol: str) -> list[Result]:
-    """All jobs, with a bar that tells what was learned last."""
+    """All jobs, with a bar that shows what was learned last."""
     from mild_core.learning.cross_validation import run_jobs
 
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())

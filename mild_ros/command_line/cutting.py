@@ -35,7 +35,7 @@ class Movement:
 
     Attributes:
         segment: Its frames in the bag's tracks.
-        interaction: What it shows; "" when nobody said.
+        interaction: What it shows; "" when unlabelled.
         fault: Why it is left out; "" for a trial.
         number: Counts, from 1, the movements that a label can make a trial; 0 for others.
     """
@@ -113,7 +113,7 @@ def cut_bag(
         on_message: Called for each message, for progress.
 
     Raises:
-        BagError: The bag cannot be read, lacks a topic, or shows nobody who stands still.
+        BagError: The bag cannot be read, lacks a topic, or shows no person who stands still.
         SetupError: A setting does not fit the bag.
     """
     from mild_core.learning.segmentation import cut_at_rest
@@ -162,11 +162,13 @@ def _followed(
         notes.append(clock.note)
     track, rest = follow(sightings, clock, perception_of(parameters, settings.cut.rate_hz))
     counts = {reason: count for reason, count in track.counts.items() if reason not in ("windows", "calibrated")}
-    told = ", ".join(f"{count} {reason}" for reason, count in sorted(counts.items(), key=lambda pair: -pair[1]))
+    outcomes = ", ".join(f"{count} {reason}" for reason, count in sorted(counts.items(), key=lambda pair: -pair[1]))
     if not len(track.stamps_ns):
-        problem = f"{who} never stands still for {parameters.calibration_s:g} s in it ({told or 'nobody is seen'})"
+        problem = (
+            f"{who} never stands still for {parameters.calibration_s:g} s in it ({outcomes or 'no person is seen'})"
+        )
         raise BagError(str(bag.path), problem, "leave the bag out, or set source, side or calibration_s")
-    notes.append(f"{who}: {told}")
+    notes.append(f"{who}: {outcomes}")
     return track, rest
 
 

@@ -37,7 +37,7 @@ def data(
         mild data
 
     Fetch one from its publisher into `$MILD_DATA`, or where that is not set into your data folder. The content is
-    checked by its SHA-256. Where the network does not allow it, you are told what to put where:
+    checked by its SHA-256. Without a network, the command prints which file to put where:
 
         mild data buetepage_hr
 

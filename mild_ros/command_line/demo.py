@@ -23,7 +23,7 @@ def demo(
 
     Starts four programs that talk over DDS in a ROS 2 domain of their own: `replay` sends the scene as a live tracker
     would, `pipeline` sees, recognises and commands, `simulation` moves a YuMi in PyBullet, `record` writes all of it
-    down. Then reads the recording and tells how old a command is when it leaves, what became of every frame, whether
+    down. Then reads the recording and prints the latency of commands, the outcome of every frame, whether
     every limit was kept, and where the files are: the bag, a filmstrip, plots, and a page that plays in any browser.
 
         mild demo
@@ -31,12 +31,12 @@ def demo(
         mild demo --scene hand_wave
     """
     import_module("rclpy")  # where ROS is missing, that is said before the rest is loaded
+    from mild_core.resources import share_folder
     from mild_ros.assembly.arguments import check_parameters
     from mild_ros.assembly.perception import skeleton_source
     from mild_ros.bag_camera import keep_camera, with_camera
     from mild_ros.scenes import SCENES
     from mild_ros.settings import PipelineParameters
-    from mild_ros.share import share_folder
     from mild_ros.stillness import counts_of, has_moved, why_still
 
     scenes = sorted(each.name for each in SCENES)
@@ -46,7 +46,7 @@ def demo(
     parameters = with_camera(PipelineParameters(model=model, interaction=interaction), bag)
     check_parameters(parameters)
     out.mkdir(parents=True, exist_ok=True)
-    from mild_ros.command_line.results import leave, run_with_progress, tell
+    from mild_ros.command_line.results import leave, print_summary, run_with_progress
     from mild_ros.demo import RunOptions
 
     options = RunOptions(parameters)
@@ -54,7 +54,7 @@ def demo(
     recorded = run_with_progress(bag, out, options, console)
     keep_camera(recorded, options.pipeline)
     shown = leave(recorded, out, options, title, console)
-    tell(shown, title, console)
+    print_summary(shown, title, console)
     if shown.report.limits is None:
         raise SetupError("demo", "the robot was sent no command", f"see {out / 'log'}")
     if not shown.report.limits.kept:

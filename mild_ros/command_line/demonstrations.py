@@ -29,7 +29,10 @@ def demonstrations(
         str, typer.Option(metavar="TOPIC|same", help="A second person answers: in which messages they are.")
     ] = "",
     label: Annotated[
-        str, typer.Option(metavar="NAME|topic:NAME", help="What all trials show, or the std_msgs/String that tells.")
+        str,
+        typer.Option(
+            metavar="NAME|topic:NAME", help="What all trials show, or the std_msgs/String topic with the label."
+        ),
     ] = "",
     source: Annotated[str, typer.Option(help="Tracker convention of the skeletons [default: azure_kinect].")] = "",
     topic: Annotated[str, typer.Option(help="Topic of the skeletons [default: found by its type].")] = "",
@@ -46,7 +49,7 @@ def demonstrations(
 
         ros2 run mild_ros record --ros-args -p bag:=handshake_1
 
-    **Cut.** All of these bags show handshakes; or somebody told on a topic what comes next:
+    **Cut.** All of these bags show handshakes; or a topic holds the label of what comes next:
 
         mild demonstrations handshake_1 handshake_2 --robot yumi --label handshake --out my_trials
 
@@ -87,14 +90,14 @@ def demonstrations(
         raise SetupError(str(out), "holds trials already", "give another folder, or remove that one")
     cut, console = _cut_all(bags, settings, salvage), Console()
     pictures = draw(cut, settings, out)
-    told = _summary(cut)
+    summary = _summary(cut)
     for bag, picture in zip(cut, pictures, strict=True):
         console.print(f"{bag.name}: {'; '.join(bag.notes)}", highlight=False, soft_wrap=True)
         console.print(f"  {picture}", highlight=False, soft_wrap=True)
     if not any(not one.fault for bag in cut for one in bag.movements):
-        raise SetupError(str(out), told, "look at the pictures, then label the movements or change [cut]")
+        raise SetupError(str(out), summary, "look at the pictures, then label the movements or change [cut]")
     write(cut, settings, out, test_every)
-    console.print(told, highlight=False, soft_wrap=True)
+    console.print(summary, highlight=False, soft_wrap=True)
     console.print(f"written: {out}; next: mild train --dataset {out} --out my_model", highlight=False, soft_wrap=True)
 
 
@@ -113,7 +116,11 @@ def _settings(config: Path | None, given: dict[str, str]) -> DemonstrationSettin
     if given["partner"]:
         settings = replace(settings, partner=replace(settings.partner or settings.person, topic=given["partner"]))
     if (settings.robot is None) == (settings.partner is None):
-        problem = "nobody answers the person" if settings.robot is None else "both a robot and a partner answer"
+        problem = (
+            "neither a robot nor a partner responds to the person"
+            if settings.robot is None
+            else "both a robot and a partner answer"
+        )
         raise SetupError("demonstrations", problem, "give --robot or --partner, or one of [robot] and [partner]")
     return replace(settings, label=given["label"] or settings.label)
 
@@ -127,7 +134,7 @@ def _cut_all(paths: list[Path], settings: DemonstrationSettings, salvage: bool) 
     from mild_ros.demonstrations.streams import Streams, readers
 
     names, totals = bag_names(paths), []
-    # A bag that lacks a topic is told of before an hour of reading. Each is closed again, as one that is converted or
+    # Report a bag that lacks a topic before an hour of reading. Each is closed again, as one that is converted or
     # salvaged lies on the disk once more while it is open.
     for path, name in zip(paths, names, strict=True):
         with open_bag(path, salvage=salvage) as bag:
@@ -152,8 +159,8 @@ def _summary(cut: list[CutBag]) -> str:
     from mild_ros.command_line.cutting import left_out
 
     trials = Counter(one.interaction for bag in cut for one in bag.movements if not one.fault)
-    told = ", ".join(f"{count} {name}" for name, count in sorted(trials.items()))
-    text = f"{_counted(trials.total(), 'trial')} from {_counted(len(cut), 'bag')}" + (f": {told}" if told else "")
+    summary = ", ".join(f"{count} {name}" for name, count in sorted(trials.items()))
+    text = f"{_counted(trials.total(), 'trial')} from {_counted(len(cut), 'bag')}" + (f": {summary}" if summary else "")
     faults = left_out(cut)
     if faults:
         text += f"; {faults.total()} left out: " + ", ".join(f"{count} {why}" for why, count in sorted(faults.items()))

@@ -25,12 +25,12 @@ def doctor(
 ) -> None:
     """Checks this machine's Python, ROS 2 and network and says what to do.
 
-    Each line tells what was looked at and seen; a line with a cross is followed by what to do about it:
+    Each line names a check and its finding; a line with a cross is followed by what to do about it:
 
         mild doctor
 
     Nodes that run in the domain of this terminal are asked too: a rate that is too low, a tf frame or a topic that is
-    not there, a second commander are told in their own words. Between machines, at the same time on both:
+    not there, a second commander are reported from their diagnostics. Between machines, at the same time on both:
 
         mild doctor --machines
 
@@ -44,8 +44,8 @@ def doctor(
             findings.append(finding)
             if not as_json:
                 mark = ("✓", "green") if finding.well else ("✗", "red")
-                told = Text.assemble(mark, f" {printable_lines(f'{finding.subject}: {finding.seen}')}")
-                console.print(told, soft_wrap=True)
+                line = Text.assemble(mark, f" {printable_lines(f'{finding.subject}: {finding.seen}')}")
+                console.print(line, soft_wrap=True)
                 if not finding.well:
                     console.print(f"    {finding.remedy}", style="bold", soft_wrap=True)
     if as_json:

@@ -56,7 +56,7 @@ def evaluate(
     labels: LABELS_OPTION = "given",
     cv: Annotated[bool, typer.Option("--cv", help="Cross-validate all methods over the training trials.")] = False,
     unknown: Annotated[
-        bool, typer.Option("--unknown", help="Leave each interaction out: is it told unknown? Takes seconds.")
+        bool, typer.Option("--unknown", help="Leave each interaction out: is it detected as unknown? Takes seconds.")
     ] = False,
     every: Annotated[
         bool, typer.Option("--all", help="With --cv or --unknown: all three protocols of the recording.")
@@ -68,6 +68,7 @@ def evaluate(
         Path | None, typer.Option(metavar="FILE", help="A people file: how the model does with these people.")
     ] = None,
     interaction: Annotated[str, typer.Option(help="With --people: auto, or given: it is what the file says.")] = "auto",
+    cautious: Annotated[bool, typer.Option("--cautious", help="With --people: with the parameter `cautious`.")] = False,
     seeds: Annotated[int, typer.Option(min=1, help="With --cv: runs of each method that draws at random.")] = 3,
     method: Annotated[list[str] | None, typer.Option(help="With --cv: only this one; may be repeated.")] = None,
     workers: Annotated[int, typer.Option(min=0, help="With --cv: processes [default: one per core].")] = 0,
@@ -98,15 +99,15 @@ def evaluate(
 
     It leaves a table as text, JSON and picture: mean ± deviation over seeds, 95 % intervals from drawing trials, and
     the change against each bar with the p-value of a paired test over trials (Wilcoxon's signed-rank). Of models that
-    run on the robot, also how they did there, nobody telling them the interaction: trials in which they acted upon none
+    run on the robot, also how they did there without a given interaction: trials in which they acted upon none
     or another one 1 s and 5 s after its onset (hand 5 cm from rest); share of frames that they called unknown; by how
     much the error grew until a second after the onset, and later; how many true values lay within the 90 % region of
     the published covariance, all of a frame at once / each by itself, with its scale learned on the other folds; and a
     picture of the same for all regions.
 
-    **What was never shown**: each interaction left out in turn, the share of its frames told unknown from 1 s after
-    onset, where 5 % of the frames of the known ones are, beside a nearest neighbour's distance. It asks the score of
-    distance alone, without networks, so it takes 10 s of processor time for 32 trials and four interactions:
+    **What was never shown**: each interaction left out in turn, the share of its frames detected as unknown from 1 s
+    after onset, where 5 % of the frames of the known ones are, beside a nearest neighbour's distance. It asks the score
+    of distance alone, without networks, so it takes 10 s of processor time for 32 trials and four interactions:
 
         mild evaluate --unknown --protocol ahead
 
@@ -117,7 +118,7 @@ def evaluate(
 
     JSON: by data set `active_likeliest` (share of active frames in which the likeliest gesture is the right one, with
     its `interval`), what is `right` and `wrong` at 0.5, 1, 2 and 3 s after the onset, `started_at_rest`,
-    `started_in_time` (within 2.6 s), and for each foreign motion the `area` under the curve and the `share` told
+    `started_in_time` (within 2.6 s), and for each foreign motion the `area` under the curve and the `share` detected
     unknown at 5 % false alarms.
 
     **People it never met**: whole bodies of several people in one frame with z up, each watched in turn through the
@@ -151,16 +152,16 @@ def evaluate(
             raise SetupError("--people", "measures a model", "give --model NAME too")
         from mild_ros.command_line.people import evaluate_people
 
-        evaluate_people(people, model, interaction, json)
+        evaluate_people(people, model, interaction, json, cautious)
         return
     if model:
         _evaluate_model(model, dataset, data, protocol, split, labels, json)
         return
-    from mild_ros.command_line.cross_validate import cross_validate, request_of, tell_unknown
+    from mild_ros.command_line.cross_validate import cross_validate, detect_unknown, request_of
 
     request = request_of(config, dataset, data, protocol, every)
     request = replace(request, methods=tuple(method or ()), seeds=seeds, workers=workers)
-    (cross_validate if cv else tell_unknown)(request, out, json)
+    (cross_validate if cv else detect_unknown)(request, out, json)
 
 
 def _evaluate_model(
@@ -172,8 +173,8 @@ def _evaluate_model(
     from mild_core.learning.evaluation import summarise
     from mild_core.learning.model_predictor import require_fit
     from mild_core.learning.windows import protocol_named
+    from mild_core.resources import model_folder
     from mild_ros.command_line.error_tables import errors_as_data, print_json, print_model
-    from mild_ros.share import model_folder
 
     if labels not in LABELS:
         raise unknown_name("labels", labels, LABELS)

@@ -27,7 +27,7 @@ def faults(
 ) -> None:
     """Does to real nodes all that may go wrong around them, and judges what the robot does.
 
-    Trackers that stop, stutter, flood, send NaN or somebody else, clocks that jump, a robot that falls silent or is
+    Trackers that stop, stutter, flood, send NaN or another person, clocks that jump, a robot that falls silent or is
     pushed, processes that are killed: each for a second or two, one after the other, without a restart in between.
     Every command is judged by the robot's limits. Takes about two minutes, and leaves a page, `faults.md`.
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is wrong with a bag, told before anything else is loaded."""
+"""Faults of a bag, reported before anything else is loaded."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mild_ros.bags import open_bag
 from mild_ros.command_line.console import Console
 
 
-def tell_lost(bag: Path, salvage: bool, console: Console) -> None:
+def report_lost(bag: Path, salvage: bool, console: Console) -> None:
     """Say what of a bag could not be read, if anything.
 
     Raises:
@@ -24,7 +24,7 @@ def tell_lost(bag: Path, salvage: bool, console: Console) -> None:
 
 
 def check_source(bag: Path, salvage: bool, source: SkeletonSource, topic: str = "") -> None:
-    """Refuse a bag in which nobody can be seen with this source before anything is done with it.
+    """Reject a bag in which this source shows no person before anything is done with it.
 
     Raises:
         BagError: As the live check of the source says it.
@@ -32,4 +32,4 @@ def check_source(bag: Path, salvage: bool, source: SkeletonSource, topic: str = 
     with open_bag(bag, salvage=salvage) as opened:
         fault, remedy = source_fault(opened, source, topic)
     if fault:
-        raise BagError(str(bag), f"shows nobody to {source.name}: {fault}", remedy)
+        raise BagError(str(bag), f"shows no person to {source.name}: {fault}", remedy)

@@ -85,10 +85,10 @@ def _without_ros(error: ModuleNotFoundError) -> SetupError:
 
 
 def _in_one_line(command: Callable[..., Any]) -> Callable[..., None]:
-    """`command`, its faults told in one line: the only place where the command line catches them."""
+    """`command`, its faults printed in one line: the only place where the command line catches them."""
 
     @wraps(command)
-    def told(*arguments: object, **options: object) -> None:
+    def reporting(*arguments: object, **options: object) -> None:
         try:
             _check_writable(options.get("out"))
             command(*arguments, **options)
@@ -108,7 +108,7 @@ def _in_one_line(command: Callable[..., Any]) -> Callable[..., None]:
             return
         raise typer.Exit(EXIT_SET_UP)
 
-    return told
+    return reporting
 
 
 def _check_writable(out: object) -> None:
@@ -125,12 +125,12 @@ def _check_writable(out: object) -> None:
     place = next(folder for folder in (out.absolute(), *out.absolute().parents) if folder.exists())
     if place.is_file() and place != out.absolute():
         raise SetupError(f"--out {out}", f"{place} is no folder", "choose another place")
-    if not os.access(place, os.W_OK):
+    if not os.access(place, os.W_OK, effective_ids=True):  # as writing will be judged
         raise SetupError(f"--out {out}", f"{place} cannot be written", "choose a folder of yours")
 
 
 def _not_imported() -> None:
-    """Stands in the list of `--help` for a command that nobody asked for."""
+    """Placeholder in the list of `--help` for a command that is not called."""
     raise AssertionError("a command was called that was not asked for")
 
 
@@ -142,7 +142,7 @@ def assemble(wanted: str | None) -> typer.Typer:
     """
     app = typer.Typer(
         name="mild",
-        help="A person's movement in, a robot's movement out. `mild COMMAND --help` tells more, with examples.",
+        help="A person's movement in, a robot's movement out. `mild COMMAND --help` for more, with examples.",
         no_args_is_help=True,
         add_completion=False,
         pretty_exceptions_enable=False,

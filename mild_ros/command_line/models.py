@@ -12,8 +12,8 @@ from rich.markdown import Markdown
 from rich.table import Table
 
 from mild_core.inference.model import REPORT, Manifest, read_manifest
+from mild_core.resources import model_folder, model_names, share_folder
 from mild_ros.command_line.console import Console
-from mild_ros.share import model_folder, model_names, share_folder
 
 UNMEASURED = "not measured"
 
@@ -95,7 +95,7 @@ def _print(manifests: dict[str, Manifest], folder: Path) -> None:
     console.print(table)
     interactions = sorted({one for manifest in manifests.values() for one in manifest.interactions})
     console.print(f"interactions: {', '.join(interactions)}", highlight=False)
-    console.print("errors by cross-validation, told the interaction or recognising it; `mild models NAME` tells more")
+    console.print("errors by cross-validation, interaction given / recognised; `mild models NAME` for more")
 
 
 def measured(manifest: Manifest, labels: str) -> str:

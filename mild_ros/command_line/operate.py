@@ -111,7 +111,7 @@ def label(
 
         mild label handshake
 
-    Waits until somebody listens, such as `mild record`. Then: `mild demonstrations --label topic:/label`.
+    Waits for a subscriber, such as `mild record`. Then: `mild demonstrations --label topic:/label`.
     """
     from mild_ros.operator_client import operator_client
 

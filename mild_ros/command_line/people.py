@@ -16,7 +16,7 @@ from mild_ros.command_line.console import Console
 GIVEN = ("auto", "given")
 
 
-def evaluate_people(file: Path, model_name: str, interaction: str, json: bool) -> None:
+def evaluate_people(file: Path, model_name: str, interaction: str, json: bool, cautious: bool = False) -> None:
     """Print how a model does with the people of a file.
 
     Raises:
@@ -46,6 +46,7 @@ def evaluate_people(file: Path, model_name: str, interaction: str, json: bool) -
             parameters = PipelineParameters(
                 model=model_name,
                 interaction=given,
+                cautious=cautious,
                 source="pose_array",
                 joint_names=recording.joint_names,
                 source_axes="rep103",

@@ -145,8 +145,8 @@ def filmstrip(
     from mild_ros.viewing.recorded import read_run
     from mild_ros.viewing.staging import stage
 
-    told = {"model": model, "robot": robot, "source": source}
-    parameters = read_parameters(PipelineParameters, "pipeline", config, given or (), **told)
+    named = {"model": model, "robot": robot, "source": source}
+    parameters = read_parameters(PipelineParameters, "pipeline", config, given or (), **named)
     parameters = with_camera(parameters, run, given or ())
     found, manifest = find_robot(parameters.robot), manifest_of(parameters.model)
     recorded = read_run(run, skeleton_source(parameters))
@@ -178,7 +178,7 @@ def table(
 ) -> None:
     """Errors by interaction and method as the paper's Tables II and III, in LaTeX (booktabs) or Markdown.
 
-    Table I is of two people in motion capture suits whose recordings are no longer published. Whoever has their folder
+    Table I is of two people in motion capture suits whose recordings are no longer published. With their folder
     `hh` makes it too: `mild evaluate --cv --dataset buetepage_hh --data hh --protocol same`.
 
         mild plot table out/cross_validation_nuisi_v1_same.json --out table_3.tex

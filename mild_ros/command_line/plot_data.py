@@ -23,12 +23,12 @@ if TYPE_CHECKING:
     from mild_core.learning.windows import Protocol
 
 PARTNER_AT_M = (0.9, 0.37, 0.0)
-"""Where a partner's right shoulder is drawn, seen from the person's: recordings of two people do not tell. Face to face
-one's right is the other's left, and shoulders are 0.37 m apart."""
+"""Where a partner's right shoulder is drawn, seen from the person's: recordings of two people do not contain it. Face
+to face one's right is the other's left, and shoulders are 0.37 m apart."""
 
 
 @dataclass(frozen=True, eq=False)
-class Watched:
+class ModelTrials:
     """A model and the trials that it watches."""
 
     model: MildModel
@@ -37,7 +37,7 @@ class Watched:
     trials: tuple[Demonstration, ...]
 
 
-def watched(name: str, data: Path | None, split: str, trial: int | None = None) -> Watched:
+def watched(name: str, data: Path | None, split: str, trial: int | None = None) -> ModelTrials:
     """Load a model and its recording; only one trial of it where `trial` is given.
 
     Raises:
@@ -46,7 +46,7 @@ def watched(name: str, data: Path | None, split: str, trial: int | None = None) 
     from mild_core.inference.model import load_model
     from mild_core.learning.datasets import recording_named
     from mild_core.learning.model_predictor import require_fit
-    from mild_ros.share import model_folder
+    from mild_core.resources import model_folder
 
     model = load_model(model_folder(name))
     recording = recording_named(str(model.manifest.training.get("dataset", "buetepage_hr")), data)
@@ -61,10 +61,10 @@ def watched(name: str, data: Path | None, split: str, trial: int | None = None) 
             )
         trials = (trials[trial],)
     require_fit(model.manifest, protocol, trials)
-    return Watched(model, recording, protocol, trials)
+    return ModelTrials(model, recording, protocol, trials)
 
 
-def latent_spaces(seen: Watched) -> dict[str, dict[str, LatentSpace]]:
+def latent_spaces(seen: ModelTrials) -> dict[str, dict[str, LatentSpace]]:
     """Tracks and components of both agents by interaction, of the model's first member."""
     from mild_core.learning.latent_view import latent_track
 
@@ -83,7 +83,7 @@ def latent_spaces(seen: Watched) -> dict[str, dict[str, LatentSpace]]:
     return found
 
 
-def errors_over_window(seen: Watched) -> tuple[dict[str, FloatArray], FloatArray]:
+def errors_over_window(seen: ModelTrials) -> tuple[dict[str, FloatArray], FloatArray]:
     """(trials, W) mean squared error by interaction, and (W,) the time of each frame after the newest one seen."""
     from mild_core.learning.model_predictor import ModelPredictor
     from mild_core.learning.windows import cut
@@ -97,7 +97,7 @@ def errors_over_window(seen: Watched) -> tuple[dict[str, FloatArray], FloatArray
     return {name: np.array(rows) for name, rows in found.items()}, frames / seen.model.manifest.rate_hz
 
 
-def motion_of(seen: Watched) -> Motion:
+def motion_of(seen: ModelTrials) -> Motion:
     """The last frame of each window predicted for the one trial, beside what was recorded."""
     from mild_core.inference.stage import Inference
     from mild_core.learning.windows import feature_windows, thin
@@ -125,7 +125,7 @@ def motion_of(seen: Watched) -> Motion:
     )
 
 
-def moments_of(seen: Watched, count: int) -> list[Moment]:
+def moments_of(seen: ModelTrials, count: int) -> list[Moment]:
     """Moments spread over the one trial, both arms in the frame of the person's shoulder."""
     from mild_core.learning.windows import thin
 
@@ -153,7 +153,7 @@ def _lengthened(arm: FloatArray, lengths_m: tuple[float, float] | None) -> Float
     return longer
 
 
-def _other_arm(seen: Watched, controlled: FloatArray) -> FloatArray:
+def _other_arm(seen: ModelTrials, controlled: FloatArray) -> FloatArray:
     """(T, M, 3) the other's arm in the person's arm frame [m], whose x axis points at the other."""
     if seen.recording.unit.squared == "m^2":
         facing: FloatArray = np.array(PARTNER_AT_M) + controlled * np.array([-1.0, -1.0, 1.0])

@@ -53,7 +53,7 @@ def replay(
 
         mild replay old.bag --dds --start 12 --rate 0.5 --loop --paused
 
-    **Another tracker or robot** is told as to the nodes, with a parameter file, with single parameters, or both:
+    **Another tracker or robot** is set as for the nodes, with a parameter file, with single parameters, or both:
 
         mild replay old.bag --config pepper -p side:=left
 
@@ -61,7 +61,7 @@ def replay(
         -p 'joint_names:=[right_shoulder, right_elbow, right_hand, left_shoulder, pelvis]'
         -p 'joint_places:=[/vrpn/rs/pose, /vrpn/re/pose, /vrpn/rh/pose, /vrpn/ls/pose, /vrpn/hip/pose]'
 
-    **Where the camera stood** is in the bag's folder for those that we ship (`camera.toml`), or told by
+    **Where the camera stood** is in the bag's folder for those that we ship (`camera.toml`), or given by
     `-p robot_from_camera:='x y z roll pitch yaw'`.
 
     **A recorded trial**: a kinematic person makes a tracker's messages of it, the nodes answer, and what they command
@@ -76,7 +76,7 @@ def replay(
     from mild_ros.assembly.arguments import check_parameters
     from mild_ros.assembly.perception import skeleton_source
     from mild_ros.bag_camera import keep_camera, with_camera
-    from mild_ros.command_line.lost import check_source, tell_lost
+    from mild_ros.command_line.lost import check_source, report_lost
     from mild_ros.parameter_files import read_parameters
     from mild_ros.settings import PipelineParameters
     from mild_ros.stillness import counts_of, has_moved, why_still
@@ -92,9 +92,9 @@ def replay(
     check_parameters(parameters)
     console = Console()
     if bag:
-        tell_lost(bag, salvage, console)
+        report_lost(bag, salvage, console)
     # Only now, as it takes its time to load: what draws and simulates.
-    from mild_ros.command_line.results import leave, run_with_progress, tell
+    from mild_ros.command_line.results import leave, print_summary, run_with_progress
     from mild_ros.demo import RunOptions
 
     folder = out or Path("out/replay") / (bag.resolve().stem if bag else f"{dataset}_{trial}")
@@ -112,7 +112,7 @@ def replay(
             recorded, counts, detail = _in_process(bag, folder, asked, console)
     keep_camera(recorded, parameters)
     shown = leave(recorded, folder, asked, title, console)
-    tell(shown, title, console)
+    print_summary(shown, title, console)
     if not has_moved(shown.run.commands):
         counts = counts or counts_of(shown.run)
         why, remedy = why_still(shown.run, skeleton_source(parameters), counts, detail)
@@ -189,7 +189,7 @@ def _in_process(
     if summary.note:
         console.print(f"{bag}: {summary.note}", style="yellow", highlight=False, soft_wrap=True)
     for stage, counts in summary.counts.items():
-        told = ", ".join(f"{count} {reason}" for reason, count in counts.items()) or "none unreadable"
-        console.print(f"{stage}: {told}", highlight=False, soft_wrap=True)
+        listed = ", ".join(f"{count} {reason}" for reason, count in counts.items()) or "none unreadable"
+        console.print(f"{stage}: {listed}", highlight=False, soft_wrap=True)
     console.print(f"{summary.commands} commands, SHA-256 {summary.digest}", highlight=False, soft_wrap=True)
     return recorded, summary.counts, complaints[0]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the commands that run nodes tell and leave: numbers, pictures and a page of one recorded run."""
+"""Output of the commands that run nodes: numbers, pictures and a page of one recorded run."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from mild_core.errors import MildError, SetupError
+from mild_core.printable import printable
 from mild_core.retargeting.robot_file import find_robot
 from mild_core.shapes import FloatArray
 from mild_ros.assembly.perception import make_perception, manifest_of, skeleton_source
@@ -50,7 +51,7 @@ def run_with_progress(bag: Path, out: Path, options: RunOptions, console: Consol
     """Run the nodes on a bag behind a progress bar, after Enter when `paused`; returns the recorded bag.
 
     Raises:
-        SetupError: As `run_nodes`, or nobody is there to press Enter.
+        SetupError: As `run_nodes`, or there is no terminal to press Enter in.
     """
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True) as progress:
@@ -61,15 +62,15 @@ def run_with_progress(bag: Path, out: Path, options: RunOptions, console: Consol
             try:
                 console.input(f"Everything is at work. Press Enter to begin {bag.name}: ")
             except EOFError:
-                raise SetupError("--paused", "nobody is there to press Enter", "leave it out") from None
+                raise SetupError("--paused", "there is no terminal to press Enter in", "leave it out") from None
             progress.start()
 
-        def tell(what: str, share: float) -> None:
+        def show_progress(what: str, share: float) -> None:
             if not console.is_terminal and what != progress.tasks[0].description:
                 progress.console.print(what)  # without a terminal there is no bar
             progress.update(task, description=what, completed=share)
 
-        return run_nodes(bag, out, options, tell, wait_for_enter if paused else lambda: None)
+        return run_nodes(bag, out, options, show_progress, wait_for_enter if paused else lambda: None)
 
 
 def leave(recorded: Path, out: Path, options: RunOptions, title: str, console: Console) -> Shown:
@@ -80,11 +81,12 @@ def leave(recorded: Path, out: Path, options: RunOptions, title: str, console: C
         out: Folder for the pictures, the page and the numbers.
         options: How it was run.
         title: Of the pictures.
-        console: Where to tell what is going on.
+        console: Where to print progress.
 
     Raises:
         SetupError: The bag cannot be read.
     """
+    title = printable(title)  # the bag's name may hold what no font and no page can
     parameters = options.pipeline
     robot, source = find_robot(parameters.robot), skeleton_source(parameters)
     run = read_run(recorded, source, salvage=options.salvage)
@@ -118,7 +120,7 @@ def _reason(error: Exception) -> str:
     return text if isinstance(error, MildError) else f"{type(error).__name__}: {text}"
 
 
-def tell(shown: Shown, title: str, console: Console) -> None:
+def print_summary(shown: Shown, title: str, console: Console) -> None:
     """The numbers of a run as a table, then where its files are."""
     table = Table(title=title, title_justify="left", show_header=False, title_style="bold")
     for name, value in _lines(shown.report):
@@ -131,14 +133,14 @@ def tell(shown: Shown, title: str, console: Console) -> None:
 
 
 def _lines(report: Report) -> list[tuple[str, str]]:
-    """What is told of a run: a name and a value each."""
-    lines = [("skeleton stamp → command sent", _told(report.sent_ages_ms))]
-    none = "not told" if report.commands else "no command"
+    """Rows printed of a run: a name and a value each."""
+    lines = [("skeleton stamp → command sent", _ages_text(report.sent_ages_ms))]
+    none = "unknown" if report.commands else "no command"
     lines.append(("skeleton stamp → first command received", _percentiles(report.answer_ages_ms, none)))
     lines.append(("age of the skeleton behind any command", _percentiles(report.command_ages_ms, none)))
     lines.append(("rates", ", ".join(f"{name} {rate:.1f} Hz" for name, rate in report.rates_hz.items())))
-    lines.append(("tracker messages", ", ".join(f"{number} {name}" for name, number in report.fates.items()) or "-"))
-    lines.append(("lost before perception", "not told" if report.lost is None else str(report.lost)))
+    lines.append(("tracker messages", ", ".join(f"{number} {name}" for name, number in report.outcomes.items()) or "-"))
+    lines.append(("dropped before perception", "unknown" if report.dropped is None else str(report.dropped)))
     if report.unrecorded:
         lines.append(("seen, but not recorded", str(report.unrecorded)))
     if report.limits is not None:
@@ -153,9 +155,9 @@ def _lines(report: Report) -> list[tuple[str, str]]:
     return lines
 
 
-def _told(ages_ms: tuple[float, float, float] | None) -> str:
+def _ages_text(ages_ms: tuple[float, float, float] | None) -> str:
     if ages_ms is None:
-        return "not told"
+        return "unknown"
     return "median {:.1f} ms, 99 % below {:.1f} ms, greatest {:.1f} ms".format(*ages_ms)
 
 
@@ -163,7 +165,7 @@ def _percentiles(ages_ms: FloatArray, none: str) -> str:
     if not len(ages_ms):
         return none
     middle, high, top = np.percentile(ages_ms, [50, 99, 100])
-    return _told((float(middle), float(high), float(top)))
+    return _ages_text((float(middle), float(high), float(top)))
 
 
 def as_data(run: RecordedRun, report: Report) -> dict[str, Any]:
@@ -180,8 +182,8 @@ def as_data(run: RecordedRun, report: Report) -> dict[str, Any]:
         "answer_age_ms": ages(report.answer_ages_ms),
         "command_age_ms": ages(report.command_ages_ms),
         "rates_hz": dict(report.rates_hz),
-        "fates": dict(report.fates),
-        "lost": report.lost,
+        "outcomes": dict(report.outcomes),
+        "dropped": report.dropped,
         "unrecorded": report.unrecorded,
         "limits": None if limits is None else {**vars(limits), "kept": limits.kept},
         "error_deg": report.error_deg,

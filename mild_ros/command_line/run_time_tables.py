@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What models did with held-out trials at run time, and what is told unknown: for people and for machines."""
+"""Tables of held-out trials at run time, and of the detection of unknown motions: for people and for machines."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from mild_core.learning.run_time import RunTime
     from mild_core.learning.unknown import Separation
 
-UNTOLD = ("untold adds until 1 s after onset", "untold adds later")
-"""By how much the error grows where the model has to find out which interaction it is: at rest nobody can know."""
+RECOGNITION_ADDS = ("recognition adds until 1 s after onset", "recognition adds later")
+"""Growth of the error where the model has to recognise the interaction; a resting person shows nothing of it."""
 
 SCORES = {"ours": "ours", "nearest_neighbour": "nearest neighbour"}
 
@@ -39,7 +39,7 @@ def _data(run_time: RunTime) -> dict[str, Any]:
         "trials": run_time.trials,
         "wrong_after_s": {f"{seconds:g}": wrong for seconds, wrong in run_time.wrong.items()},
         "called_unknown": run_time.unknown,
-        "untold_adds": dict(zip(("until_1_s", "later"), run_time.untold.tolist(), strict=True)),
+        "recognition_adds": dict(zip(("until_1_s", "later"), run_time.recognition_cost.tolist(), strict=True)),
         "covariance_scale": {n: float(np.mean([c.scale[n] for c in calibrations])) for n in calibrations[0].scale},
         "levels": list(LEVELS),
         "reliability": {
@@ -57,12 +57,12 @@ def run_time_cells(found: Mapping[str, Any], titles: Mapping[str, str]) -> list[
         if not lines:
             seconds = [f"wrong after {s} s" for s in one["wrong_after_s"]]
             regions = [f"{REGION:.0%} holds: {name}" for name in one["reliability"]]
-            lines.append(["method", "trials", *seconds, "called unknown", *UNTOLD, *regions])
+            lines.append(["method", "trials", *seconds, "called unknown", *RECOGNITION_ADDS, *regions])
         place = one["levels"].index(REGION)
         shares = [f"{r['joint'][place]:.0%} / {r['marginal'][place]:.0%}" for r in one["reliability"].values()]
         wrong = [f"{count:.2g}" for count in one["wrong_after_s"].values()]
-        untold = [f"{share:+.1%}" for share in one["untold_adds"].values()]
-        lines.append([titles[method], str(one["trials"]), *wrong, f"{one['called_unknown']:.1%}", *untold, *shares])
+        added = [f"{share:+.1%}" for share in one["recognition_adds"].values()]
+        lines.append([titles[method], str(one["trials"]), *wrong, f"{one['called_unknown']:.1%}", *added, *shares])
     return lines
 
 
@@ -73,7 +73,7 @@ def unknown_as_data(found: Mapping[str, Mapping[str, Separation]]) -> dict[str, 
 
 def unknown_cells(found: Mapping[str, Mapping[str, Separation]]) -> list[list[str]]:
     """Header and a line per interaction left out."""
-    heads = [head for title in SCORES.values() for head in (f"{title}: told unknown", "area under curve")]
+    heads = [head for title in SCORES.values() for head in (f"{title}: detected", "area under curve")]
     return [
         ["left out", *heads],
         *(

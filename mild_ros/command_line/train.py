@@ -14,7 +14,7 @@ import typer
 
 from mild_core.budgets import TABLE_BYTES, parse_json, read_file
 from mild_core.errors import SetupError
-from mild_ros.share import model_folder
+from mild_core.resources import model_folder
 
 if TYPE_CHECKING:
     from collections.abc import Generator
@@ -206,11 +206,11 @@ def _finished(epochs: Generator[EpochReport, None, TrainedModel], checkpoint: Ch
         if not checkpoint.folder.exists():
             raise
         problem = f"does not fit what is trained ({str(error).splitlines()[0]})"
-        raise SetupError(str(checkpoint.folder), problem, "delete it to begin anew") from None
+        raise SetupError(str(checkpoint.folder), problem, "delete it to start over") from None
 
 
 def _with_progress(epochs: Generator[EpochReport, None, TrainedModel], checkpoint: Checkpoint) -> TrainedModel:
-    """Run the training and keep each epoch; a bar tells epoch and losses."""
+    """Run the training and keep each epoch; a bar shows epoch and losses."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     from mild_ros.command_line.console import Console
@@ -318,6 +318,12 @@ def _stopped(epochs: int, asked: TrainingSettings) -> str:
     return f"levelled off, of at most {asked.epochs}" if epochs < asked.epochs else "the most allowed: not levelled off"
 
 
+def _start(trained: TrainedModel, asked: Configuration) -> str:
+    """Which layers training started with from which model; "" where it started from none."""
+    layers = sorted({layer for member in trained.members for layer in member.carried})
+    return f"{Path(asked.start_from).name} ({', '.join(layers)})" if layers else ""
+
+
 def _about(trained: TrainedModel, asked: Configuration, recording: Recording, trials: int) -> dict[str, Any]:
     """What the manifest says of a training, for people."""
     return {
@@ -329,13 +335,14 @@ def _about(trained: TrainedModel, asked: Configuration, recording: Recording, tr
         "epochs": trained.settings.epochs,
         "reservoir_units": 0 if trained.reservoir is None else len(trained.reservoir.leak),
         "stopped": _stopped(trained.settings.epochs, asked.settings),
+        "start_from": _start(trained, asked),
         "git_revision": _revision(),
         "configuration": asked.text,
     }
 
 
 def _placement(recording: Recording, trials: tuple[Demonstration, ...]) -> HumanPlacement:
-    """Where the person stood: as the recording says, or fitted to where hands meet; else nobody is asked."""
+    """Where the person stood: as the recording says, or fitted to where hands meet; else the default."""
     from mild_core.learning.contact import fit_contact
     from mild_core.learning.export import ORIGIN
     from mild_core.retargeting.robots import ROBOTS

@@ -141,7 +141,7 @@ def _placement(
     robot: RobotModel,
     bones: tuple[float, float],
 ) -> HumanPlacement | None:
-    """Where the person stood: seen by a calibrated camera, or where hands meet; None when neither tells.
+    """Where the person stood: seen by a calibrated camera, or where hands meet; None when neither is known.
 
     Raises:
         SetupError: There is no trial in which hands meet, or `robot_from_camera` is no pose.

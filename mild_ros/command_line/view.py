@@ -29,12 +29,12 @@ def view(
         mild view out/demo/recorded --open
 
     The page is one HTML file with a play bar. It needs no network and no server. Skeletons that are read with
-    parameters, or a robot other than YuMi, are told as to `mild replay`: `--config pepper`, `-p frame_id:=world`.
+    parameters, or a robot other than YuMi, are given as to `mild replay`: `--config pepper`, `-p frame_id:=world`.
     """
     from mild_core.retargeting.robot_file import find_robot
     from mild_ros.assembly.perception import manifest_of, skeleton_source
     from mild_ros.bag_camera import with_camera
-    from mild_ros.command_line.lost import check_source, tell_lost
+    from mild_ros.command_line.lost import check_source, report_lost
     from mild_ros.parameter_files import read_parameters
     from mild_ros.settings import PipelineParameters
 
@@ -42,15 +42,15 @@ def view(
     parameters = with_camera(parameters, bag, given or ())
     find_robot(parameters.robot), manifest_of(parameters.model)
     console = Console()
-    tell_lost(bag, salvage, console)
+    report_lost(bag, salvage, console)
     check_source(bag, salvage, skeleton_source(parameters))
     folder = out or Path("out/view") / bag.resolve().stem
     folder.mkdir(parents=True, exist_ok=True)
     # Only now, as it takes its time to load: what draws.
-    from mild_ros.command_line.results import PAGE, leave, tell
+    from mild_ros.command_line.results import PAGE, leave, print_summary
     from mild_ros.demo import RunOptions
 
     options = RunOptions(parameters, salvage=salvage)
-    tell(leave(bag, folder, options, bag.resolve().name, console), str(bag), console)
+    print_summary(leave(bag, folder, options, bag.resolve().name, console), str(bag), console)
     if browser:
         typer.launch((folder / PAGE).resolve().as_uri())

@@ -41,7 +41,7 @@ class ControllerOutput:
         message: Fills one, given its class.
         period_s: No two within this time; 0 sends one with every command.
         plays_trajectories: Whether its controller splices each message onto what it plays. Commands are then made
-            ahead of time: see `mild_core.retargeting.trajectory_stream`, which also tells when messages are due.
+            ahead of time: see `mild_core.retargeting.trajectory_stream`, which also decides when messages are due.
     """
 
     topic: str

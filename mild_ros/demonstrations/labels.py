@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a movement shows: as somebody said on a topic while it was recorded, or wrote into a file afterwards."""
+"""What a movement shows: from a topic while it was recorded, or from a file written afterwards."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 """What may be said of bags that are cut into trials: one TOML file, checked as a node's parameters are.
 
 interactions = ["handshake", "hand_wave"]   # others are left out; all that are found, if this is
-touching = ["handshake"]                    # hands meet in these: tells where the person stood before the robot
+touching = ["handshake"]                    # hands meet in these, which shows where the person stood
 label = "topic:/label"                      # std_msgs/String; or one interaction for all trials
 source = "recorded by ... in ..."           # for the model card
 licence = "CC-BY-4.0"
@@ -54,7 +54,7 @@ class RobotParameters:
 
 @dataclass(frozen=True)
 class CutParameters:
-    """How a bag is cut. What the speeds and spans mean is told by `mild_core.learning.segmentation.RestToRest`."""
+    """How a bag is cut. Speeds and spans are described in `mild_core.learning.segmentation.RestToRest`."""
 
     rate_hz: float = parameter(30.0, "Frames of a trial per second.", unit="Hz", minimum=5.0, maximum=200.0)
     clock: str = parameter(

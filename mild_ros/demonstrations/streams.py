@@ -110,14 +110,14 @@ def _people(read: Callable[[Any, int], People | None], into: list[tuple[int, Peo
 
 
 def _joints(streams: Streams, message: Any, now: int) -> None:
-    """Keep the joints that are told: a gripper that says NaN does not spoil an arm."""
+    """Keep the joints with finite positions: a gripper that reports NaN does not invalidate an arm."""
     names, positions = tuple(map(str, message.name)), np.asarray(message.position, dtype=np.float64)
     if len(names) != len(positions):
         raise DataError("wrong_layout", f"{len(names)} joint names with {len(positions)} positions")
     finite = np.isfinite(positions)
     streams.unreadable["joint positions not finite"] += int(np.count_nonzero(~finite))
-    told = tuple(name for name, is_told in zip(names, finite, strict=True) if is_told)
-    streams.joints.append((now, JointMeasurement(ns_from_msg(message.header.stamp), told, positions[finite])))
+    reported = tuple(name for name, is_finite in zip(names, finite, strict=True) if is_finite)
+    streams.joints.append((now, JointMeasurement(ns_from_msg(message.header.stamp), reported, positions[finite])))
 
 
 def _label(into: list[tuple[int, str]], message: Any, now: int) -> None:

@@ -32,7 +32,7 @@ class ArmTrack:
     Attributes:
         stamps_ns: (T,) of the frames, on the recorder's clock.
         arm_m: (T, 3, 3) shoulder, elbow and hand in the arm frame of the calibration, with the person's own bones.
-        calibration: The last one; None when nobody stood still for it.
+        calibration: The last one; None when no person stood still for it.
         counts: What perception made of the messages.
     """
 
@@ -108,7 +108,7 @@ def joints_on_grid(
     clock: Clock,
     max_gap_s: float,
 ) -> FloatArray:
-    """(T, J) a robot's joints at the times of the grid; each by itself, as drivers may tell them in several messages.
+    """(T, J) a robot's joints at the times of the grid; each by itself, as drivers may split them over messages.
 
     Args:
         grid_ns: Times.
@@ -120,16 +120,16 @@ def joints_on_grid(
     Raises:
         SetupError: A joint is in no message.
     """
-    told = [(clock.time_ns(one.stamp_ns, received_ns), one) for received_ns, one in measured]
-    missing = [name for name in names if not any(name in one.joint_names for _, one in told)]
+    timed = [(clock.time_ns(one.stamp_ns, received_ns), one) for received_ns, one in measured]
+    missing = [name for name in names if not any(name in one.joint_names for _, one in timed)]
     if missing:
-        there = ", ".join(sorted({name for _, one in told for name in one.joint_names})) or "no joint at all"
+        there = ", ".join(sorted({name for _, one in timed for name in one.joint_names})) or "no joint at all"
         remedy = "give the names that the bag has as robot_joint_names in [robot], in our order"
         raise SetupError(f"joint {missing[0]}", f"is in no message; there are {there}", remedy)
     columns = []
     for name in names:
         pairs = {
-            time_ns: one.positions_rad[one.joint_names.index(name)] for time_ns, one in told if name in one.joint_names
+            time_ns: one.positions_rad[one.joint_names.index(name)] for time_ns, one in timed if name in one.joint_names
         }
         stamps = np.array(sorted(pairs), dtype=np.int64)
         columns.append(on_grid(grid_ns, stamps, np.array([pairs[int(stamp)] for stamp in stamps]), max_gap_s))

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bags with one thing wrong in each, and what comes of opening them: the table of the documentation.
 
-Each is made anew when the table is written, from a good bag of 24 messages, and opened twice: as it is, and with
+Each is created when the table is written, from a good bag of 24 messages, and opened twice: as it is, and with
 salvage.
 """
 
@@ -249,12 +249,12 @@ def bag_faults_markdown() -> str:
     for name in BROKEN:
         with tempfile.TemporaryDirectory(prefix="mild_bag_") as scratch:
             path = broken_bag(name, Path(scratch))
-            cells = [_told(opened(path, salvage=salvage)) for salvage in (False, True)]
+            cells = [_outcome_text(opened(path, salvage=salvage)) for salvage in (False, True)]
         lines.append(f"| {name} | {cells[0]} | {cells[1]} |")
     return "\n".join(lines) + "\n"
 
 
-def _told(found: Opened) -> str:
+def _outcome_text(found: Opened) -> str:
     """An outcome as the table says it; what a foreign reader says in brackets differs with its version."""
     parts = [f"{found.read} read"] if found.read else []
     parts += [f"{found.undecodable} counted as `undecodable`"] if found.undecodable else []

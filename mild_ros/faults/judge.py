@@ -13,10 +13,10 @@ from mild_core.retargeting.kept_limits import broken_limits
 from mild_core.retargeting.robot import RobotModel
 
 LONGEST_GAP_NS = 300_000_000
-"""After a longer silence the robot has come to rest, and commands begin anew from there (`max_gap_s`)."""
+"""After a longer silence the robot has come to rest, and commands start again from there (`max_gap_s`)."""
 
 STEP_S = 0.05
-"""Where commands begin anew, one or two of the newest before may have been overtaken on their way."""
+"""Where commands start again, one or two of the newest before may have been overtaken on their way."""
 
 MOVING_RAD_S = 1e-6
 """Slower than this is rest: an encoder needs an hour to see it."""
@@ -47,12 +47,12 @@ def problems(robot: RobotModel, commands: Sequence[Command]) -> list[str]:
             continue
         found += broken_limits(robot, stamps_ns, positions, velocities)
     for before, after in pairwise(commands):
-        if _begins_anew(before, after):
+        if _restarts(before, after):
             found += _jump(robot, before, after)
     return found
 
 
-def _begins_anew(before: Command, after: Command) -> bool:
+def _restarts(before: Command, after: Command) -> bool:
     """Whether time went back between two commands, or so much of it has passed that the robot rests."""
     return not 0 <= after.stamp_ns - before.stamp_ns <= LONGEST_GAP_NS
 
@@ -61,7 +61,7 @@ def _runs(commands: Sequence[Command]) -> Iterator[list[Command]]:
     """Commands that follow each other without a break."""
     run: list[Command] = []
     for command in commands:
-        if run and _begins_anew(run[-1], command):
+        if run and _restarts(run[-1], command):
             yield run
             run = []
         run.append(command)

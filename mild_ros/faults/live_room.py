@@ -53,8 +53,8 @@ class LiveRoom(Room):
     @contextmanager
     def suffering(self, fault: Fault) -> Iterator[int]:
         """As of any room, and processes suffer too."""
-        with super().suffering(fault) as begun_ns, self._struck(fault):
-            yield begun_ns
+        with super().suffering(fault) as started_ns, self._struck(fault):
+            yield started_ns
 
     @contextmanager
     def _struck(self, fault: Fault) -> Iterator[None]:
@@ -97,4 +97,4 @@ class LiveRoom(Room):
     def _on_measured(self, message: Any) -> None:
         measured = joint_measurement_from_msg(message)
         of_arm = [measured.joint_names.index(name) for name in ROBOT.joint_names]
-        self._tell(JointMeasurement(measured.stamp_ns, ROBOT.joint_names, measured.positions_rad[of_arm]))
+        self._publish_joints(JointMeasurement(measured.stamp_ns, ROBOT.joint_names, measured.positions_rad[of_arm]))

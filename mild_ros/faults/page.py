@@ -30,7 +30,7 @@ never excused.
 """
 
 FOOT = """
-"Follows again" is counted from the end of the fault. Where it is some seconds, the person is calibrated anew and then
+"Follows again" is counted from the end of the fault. Where it is some seconds, the person is calibrated again and then
 raises the hand, or the killed process loads its model.
 """
 

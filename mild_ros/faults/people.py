@@ -29,7 +29,7 @@ HANDSHAKE = SCENES[1]
 _OTHER_SIDE = {name: name.replace("left_", "right_", 1) for name in BODY_JOINTS if name.startswith("left_")}
 _OTHER_SIDE |= {other: name for name, other in _OTHER_SIDE.items()}
 BYSTANDER = 7
-"""The tracker's number for somebody else."""
+"""The tracker's number for another person."""
 
 
 class Human:
@@ -49,7 +49,7 @@ class Human:
         self._frames = list(skeleton_frames(bodies(arm_track(scene, TRACKER_HZ)), TRACKER_HZ, 0))
         self._start_ns: int | None = None
 
-    def begin_anew(self) -> None:
+    def restart(self) -> None:
         """With the next frame, stand still with the hand down."""
         self._start_ns = None
 
@@ -73,8 +73,8 @@ def silent(_frame: SkeletonFrame, _: float) -> tuple[People, ...]:
     return ()
 
 
-def nobody(_frame: SkeletonFrame, _: float) -> tuple[People, ...]:
-    """Messages come, with nobody in them."""
+def no_person(_frame: SkeletonFrame, _: float) -> tuple[People, ...]:
+    """Messages come, without a person in them."""
     return ((),)
 
 
@@ -130,13 +130,13 @@ def with_late_copies(late_s: float) -> TrackerFault:
 
 
 def renumbered(frame: SkeletonFrame, _: float) -> tuple[People, ...]:
-    """Somebody comes by, and the tracker swaps the two numbers."""
+    """A second person comes by, and the tracker swaps the two numbers."""
     other = replace(_moved(frame, (1.2, 0.0, 0.6)), person_id=frame.person_id)
     return ((other, replace(frame, person_id=BYSTANDER)),)
 
 
 def another_person(frame: SkeletonFrame, _: float) -> tuple[People, ...]:
-    """The person is gone, and somebody else moves in the same way elsewhere."""
+    """The person is gone, and another person moves in the same way elsewhere."""
     return ((replace(_moved(frame, (1.2, 0.0, 0.6)), person_id=BYSTANDER),),)
 
 

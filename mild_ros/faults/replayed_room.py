@@ -18,7 +18,7 @@ from mild_ros.faults.room import ROBOT, Room, stage_parameters
 from mild_ros.faults.table import Fault
 from mild_ros.messages.stamps import time_to_msg
 from mild_ros.processes import Nodes
-from mild_ros.quality_of_service import FATE, STATE
+from mild_ros.quality_of_service import HANDLED, STATE
 
 CONTROL_HZ = 50.0
 """Half the usual: less to compute."""
@@ -28,18 +28,18 @@ TICK_NS = round(1e9 / CONTROL_HZ)
 START_NS = 1_700_000_000_000_000_000
 
 PATIENCE_S = 1.0
-"""A message that nobody answers within this time is lost: trackers and clocks speak best effort."""
+"""A message without an outcome within this time was dropped: trackers and clocks are best effort."""
 
 
 class ReplayedRoom(Room):
-    """As in a replay, with a robot that is where it was told to be."""
+    """As in a replay, with a robot that is where it was commanded to be."""
 
     def __init__(self, nodes: Nodes, domain: int) -> None:
         super().__init__(nodes, domain, ("pipeline",))
         self._now_ns = self._due_ns = START_NS
         self._handled = 0
         self._clock = self._node.create_publisher(Clock, "/clock", STATE)
-        self._node.create_subscription(Header, "handled", self._on_handled, FATE)
+        self._node.create_subscription(Header, "handled", self._on_handled, HANDLED)
         started = {"use_sim_time": True, "report_handled": True, "control_rate_hz": CONTROL_HZ}
         nodes.start("pipeline", {**stage_parameters("pipeline"), **started})
 
@@ -51,7 +51,7 @@ class ReplayedRoom(Room):
         if fault.clock_s:
             self._now_ns += round(fault.clock_s * 1e9)
             self._due_ns = self._now_ns
-            self.human.begin_anew()
+            self.human.restart()
         super()._begin(fault)
 
     def _live(self) -> None:
@@ -59,7 +59,7 @@ class ReplayedRoom(Room):
         self._answered(self._clock.publish, Clock(clock=time_to_msg(self._now_ns)))
         pose = np.array(self.commands[-1].positions_rad) if self.commands else ROBOT.home_rad
         handled = self._handled
-        if self._tell(JointMeasurement(self._now_ns, ROBOT.joint_names, pose)):
+        if self._publish_joints(JointMeasurement(self._now_ns, ROBOT.joint_names, pose)):
             self._await(handled)
         while self._due_ns <= self._now_ns:
             for message in self._see(self._due_ns):

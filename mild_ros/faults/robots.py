@@ -20,7 +20,7 @@ VOICES_RAD, VOICES_HZ = 1.2, 50.0
 """How far apart two publishers place the first joint, and how often they take turns."""
 
 BY_HAND_RAD, BY_HAND_S = 0.8, 0.3
-"""How far somebody pushes the first joint, and how long that takes."""
+"""How far a person pushes the first joint [rad], and how long that takes [s]."""
 
 
 def truthful(measured: JointMeasurement, _first: JointMeasurement, _: float) -> JointMeasurement | None:
@@ -54,7 +54,7 @@ def two_voices(measured: JointMeasurement, first: JointMeasurement, since_s: flo
 
 
 def by_hand(measured: JointMeasurement, first: JointMeasurement, since_s: float) -> JointMeasurement | None:
-    """Somebody takes the arm, pushes it aside and holds it there, whatever is commanded."""
+    """A person pushes the arm aside and holds it there against every command."""
     pushed = np.array(first.positions_rad)
     pushed[0] -= BY_HAND_RAD * min(since_s / BY_HAND_S, 1.0)  # away from the person, so that nothing holds it back
     return replace(measured, positions_rad=pushed)

@@ -82,7 +82,7 @@ class Room(ABC):
         self._nodes, self._encoded, self._names = nodes, EncodedPeople(), set(names)
         self._reports: dict[str, tuple[float, dict[str, str]]] = {}
         self._fault: Fault | None = None
-        self._begun_ns = self._due_ns = self._heard = 0
+        self._started_ns = self._due_ns = self._heard = 0
         self._measured = self._first = JointMeasurement(0, ROBOT.joint_names, ROBOT.home_rad)
         self._context = rclpy.Context()
         rclpy.init(context=self._context, domain_id=domain)
@@ -121,9 +121,9 @@ class Room(ABC):
         """Whether the robot follows the person, and moves."""
         return self.mode == "following" and bool(self.commands) and self.commands[-1].moves
 
-    def commands_between(self, first: int, begun_ns: int, ended_ns: int) -> list[Command]:
+    def commands_between(self, first: int, started_ns: int, ended_ns: int) -> list[Command]:
         """Commands of a time, from the one at place `first` on."""
-        return [command for command in self.commands[first:] if begun_ns <= command.stamp_ns <= ended_ns]
+        return [command for command in self.commands[first:] if started_ns <= command.stamp_ns <= ended_ns]
 
     def until(self, happened: Callable[[], object], seconds: float) -> bool:
         """Let time pass until something has happened; whether it did within so many seconds of that time."""
@@ -154,15 +154,15 @@ class Room(ABC):
         """While in the block it goes wrong; gives when that began [ns]."""
         self._begin(fault)
         try:
-            yield self._begun_ns
+            yield self._started_ns
         finally:
             self._fault = None
             self._due_ns = self.now_ns()
-            if fault.anew and not fault.clock_s:
-                self.human.begin_anew()
+            if fault.recalibrated and not fault.clock_s:
+                self.human.restart()
 
     def _begin(self, fault: Fault) -> None:
-        self._begun_ns, self._first, self._fault = self.now_ns(), self._measured, fault
+        self._started_ns, self._first, self._fault = self.now_ns(), self._measured, fault
 
     def has_said(self, name: str, words: str) -> bool:
         """Whether a node has printed `words`."""
@@ -197,7 +197,7 @@ class Room(ABC):
         if self._fault is None:
             people: tuple[People, ...] = ((frame,),)
         else:
-            people = self._fault.tracker(frame, (due_ns - self._begun_ns) * 1e-9)
+            people = self._fault.tracker(frame, (due_ns - self._started_ns) * 1e-9)
         return [self._encoded.message(everyone) for everyone in people]
 
     @property
@@ -209,18 +209,18 @@ class Room(ABC):
     def _period_ns(self) -> int:
         return round(1e9 / (self._fault.rate_hz if self._fault else TRACKER_HZ))
 
-    def _tell(self, measured: JointMeasurement) -> bool:
+    def _publish_joints(self, measured: JointMeasurement) -> bool:
         """Say where the robot is, if it says so; whether it did."""
         self._measured = measured
-        told: JointMeasurement | None = measured
+        reported: JointMeasurement | None = measured
         if self._fault is not None:
-            told = self._fault.robot(measured, self._first, (self.now_ns() - self._begun_ns) * 1e-9)
-        if told is not None:
-            self.heard_rad = told.positions_rad[: len(ROBOT.joint_names)]  # ours come first
-            data = serialize_message(joint_measurement_to_msg(told))
+            reported = self._fault.robot(measured, self._first, (self.now_ns() - self._started_ns) * 1e-9)
+        if reported is not None:
+            self.heard_rad = reported.positions_rad[: len(ROBOT.joint_names)]  # ours come first
+            data = serialize_message(joint_measurement_to_msg(reported))
             for _ in range(1 if self._fault is None else self._fault.copies):
                 self._states.publish(data)
-        return told is not None
+        return reported is not None
 
     def _on_command(self, message: Any) -> None:
         self._heard += 1

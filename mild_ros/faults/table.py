@@ -13,7 +13,7 @@ Answer = Literal["rests", "rests for a while", "gives way", "goes on"]
 it goes on following."""
 
 Processes = Literal["", "killed", "stopped", "loaded"]
-"""Done to processes: inference is killed and started anew, retargeting stands still, or the machine is busy."""
+"""Done to processes: inference is killed and restarted, retargeting stands still, or the machine is busy."""
 
 STATED_S = 1.0
 """Within this time the robot rests. Half a second passes until an input counts as stale (`stale_after_s`), up to a
@@ -39,7 +39,7 @@ class Fault:
         processes: What is done to processes.
         clock_s: How far the clock of a replay jumps at the begin; 0 for not at all.
         live: Whether it happens in real time to the three nodes and a simulated robot, or to the pipeline in a replay.
-        anew: Whether the person has to be calibrated anew, and stands still for it.
+        recalibrated: Whether the person has to be calibrated again, and stands still for it.
     """
 
     name: str
@@ -56,7 +56,7 @@ class Fault:
     clock_s: float = 0.0
     least: int = 1
     live: bool = False
-    anew: bool = False
+    recalibrated: bool = False
 
 
 STALE = "retargeting held_stale"
@@ -82,7 +82,7 @@ def _passed_over(name: str, what: str, counted: str, tracker: people.TrackerFaul
 
 _ROWS = (
     Fault("tracker stops", "No message comes any more.", (STALE,), tracker=people.silent, live=True),
-    _of_tracker("nobody there", "Messages come with nobody in them.", "nobody", people.nobody),
+    _of_tracker("no person", "Messages come without a person in them.", "no_person", people.no_person),
     _of_tracker(
         "tracker hangs",
         "The same skeleton comes under new stamps.",
@@ -119,13 +119,23 @@ _ROWS = (
         "late copies", "After each comes an old one.", "perception out_of_order", people.with_late_copies(0.2)
     ),
     _of_tracker(
-        "clock back", "Stamps go back 10 s, later on again.", "time_reset", people.shifted(-10.0), TOO_OLD, anew=True
+        "clock back",
+        "Stamps go back 10 s, later on again.",
+        "time_reset",
+        people.shifted(-10.0),
+        TOO_OLD,
+        recalibrated=True,
     ),
     _of_tracker(
-        "clock ahead", "Stamps go on 10 s, later back again.", "gap_reset", people.shifted(10.0), FROM_FUTURE, anew=True
+        "clock ahead",
+        "Stamps go on 10 s, later back again.",
+        "gap_reset",
+        people.shifted(10.0),
+        FROM_FUTURE,
+        recalibrated=True,
     ),
-    _passed_over("swapped", "Somebody comes; numbers are swapped.", "perception reacquired", people.renumbered),
-    _of_tracker("other person", "Somebody else is seen instead.", "other_person", people.another_person),
+    _passed_over("swapped", "A second person comes; numbers are swapped.", "perception reacquired", people.renumbered),
+    _of_tracker("other person", "Another person is seen instead.", "other_person", people.another_person),
     _of_tracker("elbow lost", "The elbow is missing.", "missing_joint", people.without("right_elbow")),
     _of_tracker("NaN", "The elbow is at NaN.", "not_finite", people.placed_at("right_elbow", NAN)),
     _of_tracker("infinite", "The hand is infinitely far away.", "not_finite", people.placed_at("right_hand", INFINITE)),
@@ -159,7 +169,7 @@ _ROWS = (
     ),
     Fault(
         "pushed",
-        "Somebody moves the arm by 46°.",
+        "A person pushes the arm by 46°.",
         ("retargeting displaced",),
         "gives way",
         lasts_s=1.6,
@@ -182,9 +192,11 @@ _ROWS = (
         "/clock goes back 8 s.",
         ("retargeting time_backwards", "perception time_reset"),
         clock_s=-8.0,
-        anew=True,
+        recalibrated=True,
     ),
-    Fault("bag skips", "/clock goes on 8 s.", ("retargeting gap", "perception gap_reset"), clock_s=8.0, anew=True),
+    Fault(
+        "bag skips", "/clock goes on 8 s.", ("retargeting gap", "perception gap_reset"), clock_s=8.0, recalibrated=True
+    ),
 )
 
 FAULTS = {fault.name: fault for fault in _ROWS}

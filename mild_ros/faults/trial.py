@@ -20,14 +20,14 @@ from mild_ros.faults.table import Answer, Fault
 from mild_ros.processes import Nodes, private_domain
 
 RECOVERY_S = 30.0
-"""Within this time all is well again. A person who is calibrated anew needs four seconds, a node that is started as
+"""Longest time to recover. Recalibrating a person takes four seconds, a node that is started as
 many; a busy machine makes it longer."""
 
 BESIDE_RAD = 0.2
 """A command so near to where the robot was pushed has given way: half of what counts as displaced."""
 
 HINDERED = 0.5
-"""One that somebody in the way hinders has given way after this share of the way there."""
+"""An arm that a person blocks has given way after this share of the way there."""
 
 STOP_S, WAY_RAD = 0.3, 0.35
 """So long after it ceased to follow, an arm that makes way for a person who is not seen any more turns no joint by more
@@ -129,8 +129,8 @@ def _tried(room: Room, fault: Fault) -> Outcome:
     if not _recovers(room, lambda: room.follows):
         return Outcome(fault, (), ("the robot did not follow before it",))
     first, before = len(room.commands), room.counts()
-    with room.suffering(fault) as begun_ns:
-        end_ns = begun_ns + round(fault.lasts_s * 1e9)
+    with room.suffering(fault) as started_ns:
+        end_ns = started_ns + round(fault.lasts_s * 1e9)
         room.until(lambda: room.now_ns() >= end_ns, 2.0 * fault.lasts_s)
         put_rad, ended_ns = room.heard_rad, room.now_ns()
     recovered = _recovers(room, lambda: room.follows and room.commands[-1].stamp_ns > ended_ns)
@@ -140,12 +140,12 @@ def _tried(room: Room, fault: Fault) -> Outcome:
     counted = {key: after.get(key, 0) - before.get(key, 0) for key in fault.counted}
     missed = [f"{key} was not counted" for key, rise in counted.items() if rise < fault.least]
     missed += [] if recovered else [f"no recovery within {RECOVERY_S:g} s: {room.mode}"]
-    left_ns = next((at for at, mode in room.modes if begun_ns < at <= ended_ns and mode != "following"), None)
-    during = room.commands_between(first, begun_ns, ended_ns)
+    left_ns = next((at for at, mode in room.modes if started_ns < at <= ended_ns and mode != "following"), None)
+    during = room.commands_between(first, started_ns, ended_ns)
     made_way = after.get(MADE_WAY, 0) > before.get(MADE_WAY, 0)
     again_ns = next((at for at, mode in room.modes if left_ns and at > left_ns and mode == "following"), ended_ns)
     stopped = [command for command in during if left_ns and left_ns + STOP_S * 1e9 <= command.stamp_ns <= again_ns]
-    rest_s = rest_after_s(fault.answer, during, begun_ns, left_ns, turned_rad(stopped) if made_way else None)
+    rest_s = rest_after_s(fault.answer, during, started_ns, left_ns, turned_rad(stopped) if made_way else None)
     hindered = made_way or after.get(KEPT_OUT, 0) > before.get(KEPT_OUT, 0)
     missed += complaints(fault, during, rest_s, put_rad, hindered=hindered)
     commands = room.commands[max(first - 3, 0) :]
@@ -158,12 +158,12 @@ def _recovers(room: Room, happened: Callable[[], bool]) -> bool:
     """Whether the robot follows again: at once, or when the person lowers the hand and raises it once more."""
     if room.until(happened, AT_ONCE_S):
         return True
-    room.human.begin_anew()
+    room.human.restart()
     return room.until(happened, RECOVERY_S)
 
 
 def rest_after_s(
-    answer: Answer, during: Sequence[Command], begun_ns: int, left_ns: int | None, made_way_rad: float | None
+    answer: Answer, during: Sequence[Command], started_ns: int, left_ns: int | None, made_way_rad: float | None
 ) -> float | None:
     """When the robot came to rest; None for never.
 
@@ -173,18 +173,18 @@ def rest_after_s(
     Args:
         answer: What it must do.
         during: Its commands.
-        begun_ns: When the fault began.
+        started_ns: When the fault began.
         left_ns: When it ceased to follow; None for not at all.
-        made_way_rad: How far a joint turned at most after that, if the robot made way for somebody; else None.
+        made_way_rad: How far a joint turned at most after that, if the robot gave way to a person; else None.
     """
     if answer in ("goes on", "gives way"):
-        return None if left_ns is None else (left_ns - begun_ns) * 1e-9
+        return None if left_ns is None else (left_ns - started_ns) * 1e-9
     if made_way_rad is not None and left_ns is not None and made_way_rad <= WAY_RAD:
-        return (left_ns - begun_ns) * 1e-9
-    moving_ns = [begun_ns, *(command.stamp_ns for command in during if command.moves)]
+        return (left_ns - started_ns) * 1e-9
+    moving_ns = [started_ns, *(command.stamp_ns for command in during if command.moves)]
     pauses = [before for before, after in pairwise(moving_ns) if after - before > A_WHILE_NS]
     rested_ns = pauses[0] if pauses and answer == "rests for a while" else moving_ns[-1]
-    return (rested_ns - begun_ns) * 1e-9
+    return (rested_ns - started_ns) * 1e-9
 
 
 def turned_rad(commands: Sequence[Command]) -> float:
@@ -210,7 +210,7 @@ def complaints(
 
 
 def _gave_way(during: Sequence[Command], put_rad: FloatArray, *, hindered: bool) -> bool:
-    """Whether the robot went where it was put, or half of the way there if somebody hindered it."""
+    """Whether the robot went where it was put, or half of the way there if a person blocked it."""
     if not during:
         return False
     left = np.array([np.abs(np.subtract(command.positions_rad, put_rad)).max() for command in during])

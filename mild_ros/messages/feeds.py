@@ -19,10 +19,10 @@ class Feed:
     Attributes:
         topic: Its name.
         type_name: Type of its messages, as bags and `ros2 topic` spell it.
-        read: (message, now_ns) to everyone in it; None when more messages are needed to see anybody. Only takes
+        read: (message, now_ns) to everyone in it; None when more messages are needed to see a person. Only takes
             attributes, so messages of rosbags do as well.
         latched: Whether its last message waits for who comes late.
-        lacks: Says what is missing to see anybody, "" for nothing; None when that shows in each message.
+        lacks: Says what is missing to see a person, "" for nothing; None when that shows in each message.
     """
 
     topic: str

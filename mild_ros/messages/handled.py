@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The fate of one input, as a `std_msgs/Header`: how a replay over DDS knows when a stage is done with it.
+"""The outcome of one input, as a `std_msgs/Header`: how a replay over DDS knows when a stage is done with it.
 
 The frame_id reads "<stage> <number of outputs handed to the next stage> <outcome>", the stamp is the input's.
 """
@@ -32,13 +32,13 @@ class Handled:
 
 
 def handled_to_msg(handled: Handled) -> Header:
-    """The message of a fate."""
+    """The message of an outcome."""
     text = f"{handled.stage} {handled.outputs} {handled.outcome}"
     return Header(stamp=time_to_msg(handled.stamp_ns), frame_id=text)
 
 
 def handled_from_msg(message: Any) -> Handled:
-    """The fate in a message.
+    """The outcome in a message.
 
     Raises:
         DataError: `wrong_layout` when the text is another.

@@ -3,7 +3,8 @@
 
 A frame is done when it holds the joints of everybody who was in the frame before, and at the latest when one of them
 comes again. So no rate has to be known, an occluded joint delays one frame, and a lost person likewise. A joint that
-comes after its frame was done stands in the next one unless it comes anew: one that is always late is not lost.
+comes after its frame was done is merged into the next one unless it comes again: a joint that is always late is still
+used.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ from mild_core.signals import SkeletonFrame
 
 
 def people_from_landmark_array(message: Any, source: SkeletonSource, now_ns: int) -> tuple[SkeletonFrame, ...]:
-    """The person in a message; nobody when it is empty.
+    """The person in a message; none when it is empty.
 
     Args:
         message: A Float32MultiArray of rclpy or of rosbags; its layout is not needed, wrappers leave it empty.

@@ -20,7 +20,7 @@ _PALETTE = ((1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (1, 0, 1), (0, 1, 1), (0
 
 
 def people_from_marker_array(message: Any, source: SkeletonSource, now_ns: int) -> tuple[SkeletonFrame, ...]:
-    """Everyone in a message, in its order; nobody when it is empty.
+    """Everyone in a message, in its order; none when it is empty.
 
     Markers that delete, and numbers that the source does not know (lines, labels), are no joints and are passed over.
 

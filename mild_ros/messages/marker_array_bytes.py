@@ -59,7 +59,7 @@ class Position(NamedTuple):
     z: float
 
 
-class Pose(NamedTuple):
+class JointPose(NamedTuple):
     """The half of a `geometry_msgs/Pose` that a joint has."""
 
     position: Position
@@ -79,7 +79,7 @@ class Marker(NamedTuple):
     header: Header
     id: int
     action: int
-    pose: Pose
+    pose: JointPose
     color: Colour
 
 
@@ -129,13 +129,13 @@ def _marker(data: bytes, place: int, header: Header) -> tuple[Marker, int]:
     if place + form.size <= len(data):
         number, _, action, x, y, z, r, g, b, *lengths = form.unpack_from(data, place)
         if tuple(lengths) == _PLAIN_LENGTHS:
-            return Marker(header, number, action, Pose(Position(x, y, z)), Colour(r, g, b)), place + form.size
+            return Marker(header, number, action, JointPose(Position(x, y, z)), Colour(r, g, b)), place + form.size
     number, _, action = _NUMBERS.unpack_from(data, place)
     place += 12 + gap
     position = Position(*_POSITION.unpack_from(data, place))
     place += _POSE_AND_SCALE
     colour = Colour(*_COLOUR.unpack_from(data, place))
-    return Marker(header, number, action, Pose(position), colour), _behind(data, place + _COLOUR_AND_LIFETIME)
+    return Marker(header, number, action, JointPose(position), colour), _behind(data, place + _COLOUR_AND_LIFETIME)
 
 
 def _behind(data: bytes, place: int) -> int:

@@ -52,7 +52,7 @@ def array_from_msg(message: Any) -> tuple[FloatArray, tuple[str, ...]]:
 
 @cache
 def _fields(names: tuple[str, ...]) -> list[PointField]:
-    """Shared by all messages of the same fields: building seventy of them anew would cost more than the data."""
+    """Shared by all messages of the same fields: building seventy of them again would cost more than the data."""
     return [
         PointField(name=name, offset=_BYTES * index, datatype=PointField.FLOAT64, count=1)
         for index, name in enumerate(names)

@@ -14,7 +14,7 @@ from mild_ros.messages.standard import Header, Point, Pose, PoseArray
 
 
 def people_from_pose_array(message: Any, source: SkeletonSource, now_ns: int) -> tuple[SkeletonFrame, ...]:
-    """The person in a message; nobody when it holds no pose that the source names.
+    """The person in a message; none when it holds no pose that the source names.
 
     Args:
         message: A PoseArray of rclpy or of rosbags.

@@ -126,7 +126,7 @@ class TransformPeople:
             raise DataError("not_a_transform", f"'{wrong[0][0]}' {wrong[0][1]}")
 
     def list_tracked(self, message: Any, now_ns: int) -> People | None:
-        """Take the list of who is seen; nobody is an empty message."""
+        """Take the list of who is seen; an empty message means no one."""
         before, self.tracked = self.tracked or (), tuple(str(name) for name in message.ids)
         self._joints.forget([name for name in before if name not in self.tracked])
         return None if self.tracked else ()

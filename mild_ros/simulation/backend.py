@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a simulated robot must be able to do, whoever computes it."""
+"""Interface of a simulated robot, for every physics engine."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Point = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
-class Camera:
+class RenderCamera:
     """Where a picture is taken from.
 
     Attributes:
@@ -40,7 +40,7 @@ class Camera:
 
 
 @dataclass(frozen=True)
-class Scene:
+class SimulatedScene:
     """What stands around the robot.
 
     Attributes:
@@ -52,10 +52,10 @@ class Scene:
     floor_m: float = -0.85
 
 
-def scene_of(robot: RobotModel) -> Scene:
+def scene_of(robot: RobotModel) -> SimulatedScene:
     """A table for a robot that needs one, and the floor."""
-    floor_m = Scene.floor_m if robot.floor_m is None else robot.floor_m
-    return Scene(table=robot.on_table, floor_m=floor_m)
+    floor_m = SimulatedScene.floor_m if robot.floor_m is None else robot.floor_m
+    return SimulatedScene(table=robot.on_table, floor_m=floor_m)
 
 
 class SimulatedRobot(Protocol):
@@ -70,7 +70,7 @@ class SimulatedRobot(Protocol):
     def measure(self, stamp_ns: int) -> JointMeasurement:
         """Where all movable joints are, the commanded ones first."""
 
-    def render(self, camera: Camera) -> NDArray[np.uint8]:
+    def render(self, camera: RenderCamera) -> NDArray[np.uint8]:
         """A picture: (height, width, 3), red, green and blue."""
 
     def close(self) -> None:

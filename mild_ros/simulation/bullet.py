@@ -25,7 +25,7 @@ from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.urdf import FIXED
 from mild_core.signals import JointCommand, JointMeasurement
 from mild_ros.assembly.trial_load import survivable, try_window
-from mild_ros.simulation.backend import Camera, Scene
+from mild_ros.simulation.backend import RenderCamera, SimulatedScene
 from mild_ros.simulation.quiet import quiet_terminal
 
 PHYSICS_RATE_HZ = 240
@@ -38,7 +38,7 @@ SOFTEST, BEARING = 0.25, 1.3
 """Share of its motors' force that the arm keeps in any case, and how much more than its own weight it bears then."""
 
 RESERVE = 1.5
-"""Motors whose force nobody knows have this much more than they need."""
+"""Motors of unknown force have this much more than they need."""
 
 TRIED, SEED = 100, 7
 """Random poses in which that is computed."""
@@ -118,7 +118,7 @@ class BulletRobot:
         robot: RobotModel,
         *,
         gui: bool = False,
-        scene: Scene | None = None,
+        scene: SimulatedScene | None = None,
         start_rad: ArrayLike | None = None,
     ) -> None:
         self.robot = robot
@@ -260,7 +260,7 @@ class BulletRobot:
         positions = [*(state[0] for state in states), *self._standing.values()]
         return JointMeasurement(stamp_ns, (*self._joints, *self._standing), np.array(positions))
 
-    def _furnish(self, scene: Scene) -> None:
+    def _furnish(self, scene: SimulatedScene) -> None:
         if scene.table:
             (x, y), half, thick = TABLE_AT_M, (TABLE_M[0] / 2.0, TABLE_M[1] / 2.0), 0.02
             top_m = table_of(self.robot).top_m
@@ -276,7 +276,7 @@ class BulletRobot:
         shape = bullet.createVisualShape(bullet.GEOM_BOX, halfExtents=half, rgbaColor=rgba, **where)
         bullet.createMultiBody(0.0, -1, shape, basePosition=centre, **where)
 
-    def render(self, camera: Camera) -> NDArray[np.uint8]:
+    def render(self, camera: RenderCamera) -> NDArray[np.uint8]:
         """A picture: (height, width, 3), red, green and blue."""
         bullet, scale = self._bullet, camera.smoothing
         width, height = camera.width * scale, camera.height * scale

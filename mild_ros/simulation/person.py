@@ -203,7 +203,7 @@ def looking_at(camera_m: tuple[float, float, float], target_m: tuple[float, floa
 
 
 def swaying(body_m: FloatArray, times_s: FloatArray, reach_m: float = SWAY_M) -> FloatArray:
-    """The same people (T, J, 3) at times (T,), swaying about their feet: nobody alive stands still to the bit."""
+    """The same people (T, J, 3) at times (T,), swaying about their feet: no living person stands still to the bit."""
     way = reach_m * np.sin(2.0 * np.pi * SWAY_HZ * times_s)
     height = 1.0 + body_m[:, :, 2] / SHOULDER_HEIGHT_M  # 0 at the floor, so that hips and shoulders differ
     moved: FloatArray = body_m + (way[:, None] * height)[..., None] * np.array([0.6, 0.8, 0.1])

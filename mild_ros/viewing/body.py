@@ -37,7 +37,7 @@ NEEDED = frozenset(
 
 
 LONGEST_FIST_M = 0.05
-"""From the middle of the hand to the tip of a closed one; trackers that tell no tip see hands that are open."""
+"""From the middle of the hand to the tip of a closed one; trackers without a tip joint see hands that are open."""
 
 
 @dataclass(frozen=True, eq=False)

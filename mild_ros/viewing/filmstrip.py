@@ -15,7 +15,7 @@ from mild_core.signals import OFFERED, RESTING
 from mild_ros.viewing.body import body_parts
 from mild_ros.viewing.figures.style import PAGE_IN
 from mild_ros.viewing.plots import INK
-from mild_ros.viewing.renderer import View, open_renderer
+from mild_ros.viewing.renderer import Viewpoint, open_renderer
 from mild_ros.viewing.staging import Staged
 
 MOMENTS = 6
@@ -40,7 +40,7 @@ BEHIND_M, BEYOND_M, SKULL_M = 0.42, 0.3, 0.18
 """What is seen behind the robot's base, behind the middle of the person's head and above it."""
 
 
-def whole_view(staged: Staged, robot_top_m: float) -> tuple[View, tuple[int, int]]:
+def whole_view(staged: Staged, robot_top_m: float) -> tuple[Viewpoint, tuple[int, int]]:
     """A camera that sees the person from head to foot, and the robot; and the pixels that this takes."""
     heads = np.stack([at["head"] for at in staged.bodies])
     low, high = staged.floor_m, max(float(heads[:, 2].max()) + SKULL_M, robot_top_m)
@@ -48,11 +48,11 @@ def whole_view(staged: Staged, robot_top_m: float) -> tuple[View, tuple[int, int
     panel = (PANEL_WIDTH, round(PANEL_WIDTH * (high - low) / (far - near)))
     distance = 0.5 * MARGIN * (high - low) / np.tan(np.radians(OPENING_DEG / 2)) + 0.3
     target = (0.5 * (near + far), 0.0, 0.5 * (low + high))
-    return View(target, float(distance), TURNED_DEG, RAISED_DEG, OPENING_DEG), panel
+    return Viewpoint(target, float(distance), TURNED_DEG, RAISED_DEG, OPENING_DEG), panel
 
 
 def chosen_moments(staged: Staged, number: int = MOMENTS) -> FloatArray:
-    """Times [s] that tell the story: at rest, on the way, hands at their nearest, and back.
+    """Times [s] of the phases of an interaction: at rest, on the way, hands at their nearest, and back.
 
     The hand's way from rest says when something happens; what is nearest to the closest approach is moved onto it.
     """

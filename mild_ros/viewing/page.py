@@ -56,8 +56,8 @@ def write_page(staged: Staged, robot: RobotModel, path: Path, title: str) -> Non
 
 @contextmanager
 def _server() -> Iterator[viser.ViserServer]:
-    """viser draws through a server of its own, though nobody connects to it."""
-    with quiet_terminal():  # it greets, which is nobody's business here
+    """viser draws through a server of its own, though no client connects to it."""
+    with quiet_terminal():  # its greeting is of no use here
         server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     try:
         yield server

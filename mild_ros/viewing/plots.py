@@ -18,7 +18,7 @@ from mild_ros.viewing.recorded import JointTrack, RecordedRun
 BLUE, ORANGE, GREEN, VERMILION, SKY, PURPLE, YELLOW, BLACK = (
     *("#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7", "#F0E442", "#000000"),
 )
-"""Told apart by everybody. Source: Okabe and Ito, "Color Universal Design", 2008."""
+"""Distinguishable with any colour vision. Source: Okabe and Ito, "Color Universal Design", 2008."""
 
 INK, GREY = "#222831", "#8a929c"
 TRUTH_WIDTH, LINE_WIDTH = 2.6, 1.3
@@ -28,7 +28,7 @@ def draw_plots(run: RecordedRun, report: Report, joint_names: tuple[str, ...], p
     """Write the plots of a run as a PNG: joints on the left, beliefs and times on the right."""
     figure = Figure(figsize=(15.0, 1.55 * len(joint_names) + 0.9), dpi=130, layout="constrained", facecolor="white")
     figure.suptitle(title, x=0.012, ha="left", fontweight="bold", color=INK)
-    parts: Any = figure.subfigures(1, 2, width_ratios=(1.25, 1.0))  # an array, which its type does not tell
+    parts: Any = figure.subfigures(1, 2, width_ratios=(1.25, 1.0))  # an array, which its type does not show
     left, right = parts
     joints = left.subplots(len(joint_names), 1, sharex=True)
     for axes, name in zip(joints, joint_names, strict=True):
@@ -52,7 +52,7 @@ def draw_plots(run: RecordedRun, report: Report, joint_names: tuple[str, ...], p
 def predicted(motions: tuple[MotionWindow, ...], joint: str, lead_ns: int = 0) -> tuple[FloatArray, ...]:
     """What each motion says of a joint at its own stamp plus `lead_ns`: stamps [ns], value [rad], deviation [rad].
 
-    A window that begins later or ends earlier tells its nearest row.
+    Outside of the window its nearest row is used.
     """
     stamps, values, deviations = [], [], []
     for motion in motions:
@@ -132,7 +132,7 @@ def _phase(axes: Axes, run: RecordedRun) -> None:
 
 
 def _age(axes: Axes, report: Report) -> None:
-    """How old the newest skeleton behind an answer and behind every command was when the command arrived."""
+    """Age of the newest skeleton behind each response and each command at the command's arrival [ms]."""
     axes.set_title("age of what a command is based on, when it arrives", loc="left", fontsize=10, color=INK)
     for ages, colour, label in (
         (report.answer_ages_ms, BLUE, "first command after a skeleton"),

@@ -66,7 +66,7 @@ class RecordedRun:
         measured: The robot's own states; None when there were none.
         truth: What the recorded robot did in truth; None when unknown.
         motions: What was inferred.
-        fates: What became of each input, as far as nodes told.
+        outcomes: The outcome of each input, as far as published.
         diagnostics: Values of each node's diagnostics, message by message.
         counts: Messages by topic.
         duration_s: Of the whole bag.
@@ -79,7 +79,7 @@ class RecordedRun:
     measured: JointTrack | None
     truth: JointTrack | None
     motions: tuple[MotionWindow, ...]
-    fates: tuple[Handled, ...] = ()
+    outcomes: tuple[Handled, ...] = ()
     diagnostics: dict[str, list[dict[str, str]]] = field(default_factory=dict)
     counts: dict[str, int] = field(default_factory=dict)
     duration_s: float = 0.0
@@ -99,14 +99,14 @@ def read_run(path: Path, source: SkeletonSource, *, salvage: bool = False) -> Re
     """Read a bag that `record` or `replay` wrote, or a tracker's own.
 
     Raises:
-        BagError: It cannot be read or shows nobody.
+        BagError: It cannot be read or shows no person.
     """
     with open_bag(path, salvage=salvage) as bag:
         tracked = list(people_in_bag(bag, source))
         people = tuple(found[0] for _, found in tracked if found)
         if not people:
             fault, remedy = source_fault(bag, source, looked_at=None)
-            fault = f"shows nobody to {source.name}" + (f": {fault}" if fault else "")
+            fault = f"shows no person to {source.name}" + (f": {fault}" if fault else "")
             raise BagError(str(path), fault, remedy or "choose a bag with a person in it")
         first_ns, last_ns = _ends(bag)
         return RecordedRun(
@@ -117,7 +117,7 @@ def read_run(path: Path, source: SkeletonSource, *, salvage: bool = False) -> Re
             measured=_track(bag, "/joint_states", joint_measurement_from_msg),
             truth=_track(bag, f"/{TRUE_MOTION}", joint_measurement_from_msg),
             motions=_motions(bag),
-            fates=tuple(handled_from_msg(message) for _, message in _all(bag, "/handled")),
+            outcomes=tuple(handled_from_msg(message) for _, message in _all(bag, "/handled")),
             diagnostics=_diagnostics(bag),
             counts={topic: summary.count for topic, summary in bag.topics.items()},
             duration_s=(last_ns - first_ns) * 1e-9,
@@ -178,8 +178,8 @@ def _motions(bag: BagReader) -> tuple[MotionWindow, ...]:
 
 
 def _diagnostics(bag: BagReader) -> dict[str, list[dict[str, str]]]:
-    told: dict[str, list[dict[str, str]]] = {}
+    reports: dict[str, list[dict[str, str]]] = {}
     for _, message in _all(bag, "/diagnostics"):
         for status in message.status:
-            told.setdefault(status.name, []).append({value.key: value.value for value in status.values})
-    return told
+            reports.setdefault(status.name, []).append({value.key: value.value for value in status.values})
+    return reports

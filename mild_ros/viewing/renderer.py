@@ -32,7 +32,7 @@ TABLE_TOP, TABLE_FOOT = (0.36, 0.39, 0.44, 1.0), (0.58, 0.61, 0.66, 1.0)
 
 
 @dataclass(frozen=True)
-class View:
+class Viewpoint:
     """Where the camera is: it looks at `target_m` from `distance_m`, turned and raised by degrees."""
 
     target_m: tuple[float, float, float]
@@ -96,7 +96,7 @@ class Renderer:
             feet = [0.5 * (person[f"{side}_ankle"] + person[f"{side}_foot"]) for side in ("left", "right")]
             self._stands[1:] = [(float(x), float(y), 0.13) for x, y, _ in feet]
 
-    def picture(self, view: View, width: int, height: int) -> Image.Image:
+    def picture(self, view: Viewpoint, width: int, height: int) -> Image.Image:
         """What the camera sees, `width` by `height` pixels."""
         wide, high = width * OVERSAMPLING, height * OVERSAMPLING
         eye = self._bullet.computeViewMatrixFromYawPitchRoll(
@@ -169,7 +169,7 @@ def open_renderer(robot: RobotModel, floor_m: float) -> Iterator[Renderer]:
         bullet.disconnect(client)
 
 
-def _beside_camera(view: View) -> list[float]:
+def _beside_camera(view: Viewpoint) -> list[float]:
     """Where light comes from: above the camera's left shoulder."""
     x, y, z = -0.7, -1.4, 2.0
     cosine, sine = np.cos(np.radians(view.turned_deg)), np.sin(np.radians(view.turned_deg))

@@ -84,7 +84,7 @@ def stage(run: RecordedRun, perception: Perception, manifest: Manifest, robot: R
     calibration = find_calibration(perception, run.people)
     whole = [person for person in run.people if is_whole(person)]
     if calibration is None or not whole:
-        problem = "shows nobody who stands still for a second" if whole else "never shows a whole person"
+        problem = "shows no person who stands still for a second" if whole else "never shows a whole person"
         raise BagError(str(run.path), problem, "there is nothing to show; plots need less")
     interaction = main_interaction(run.motions)
     placement = place_person(calibration, manifest, interaction, perception.settings.robot_from_source)

@@ -130,7 +130,7 @@ def outcome(path: Path, *, salvage: bool) -> str:
     if found.undecodable:
         return "read, messages undecodable"
     if salvage:
-        return "salvaged, loss told" if found.lost else "salvaged" if found.read < COUNT else "salvaged whole"
+        return "salvaged, loss reported" if found.lost else "salvaged" if found.read < COUNT else "salvaged whole"
     return "read whole" if found.read == COUNT else "read"
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 FULL = 0.9
-"""A joint that brakes with this share of its limits brakes with all: velocities tell averages over a step."""
+"""A joint that brakes with this share of its limits brakes with all: velocities are averages over a step."""
 
 AT_REST_RAD_S = 1e-6
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How old is a command? From the stamp of a skeleton to the arrival of the `JointState` that answers it, over DDS.
+"""Latency of commands: from the stamp of a skeleton to the arrival of the `JointState` that answers it, over DDS.
 
     ./mild measure command_age [--rate 100] [--seconds 10] [--model NAME] [--source azure_kinect] [--json]
 
@@ -34,6 +34,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from mild_core.perception.skeletons import SOURCES
+from mild_core.resources import model_folder
 from mild_core.retargeting.robots import ROBOTS
 from mild_core.signals import JointMeasurement
 from mild_ros.messages.handled import handled_from_msg
@@ -42,8 +43,7 @@ from mild_ros.messages.marker_array import people_to_marker_array
 from mild_ros.messages.pose_array import person_to_pose_array
 from mild_ros.messages.skeletons import ADAPTERS
 from mild_ros.messages.stamps import NANOSECONDS_PER_SECOND, ns_from_msg
-from mild_ros.quality_of_service import COMMAND, FATE, SENSOR
-from mild_ros.share import model_folder
+from mild_ros.quality_of_service import COMMAND, HANDLED, SENSOR
 from mild_ros.simulation.person import BODY_JOINTS, bodies, skeleton_frames, with_neutral_second
 from test.core.inference.random_model import manifest, paper_member, random_arrays
 
@@ -124,7 +124,7 @@ def measure(source: str, folder: Path, rate_hz: float, seconds: float) -> dict[s
     parameters = {"model": folder, "source": source, "report_handled": "true", "enabled": "true"}
     if source == "pose_array":
         parameters |= {"joint_names": json.dumps(list(BODY_JOINTS)), "source_axes": "optical"}
-    # Told, as what a golden sample shows is no interaction that could be recognised.
+    # Given, as what a golden sample shows is no interaction that could be recognised.
     parameters["interaction"] = json.loads((folder / "manifest.json").read_text())["interactions"][0]
     words = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
     rclpy.init()
@@ -153,7 +153,7 @@ class Listener:
         self._executor.add_node(self.node)
         self._states = self.node.create_publisher(JointState, "joint_states", 1)
         self.node.create_subscription(JointState, "joint_command", self._on_command, COMMAND)
-        self.node.create_subscription(Header, "handled", self._on_handled, FATE)
+        self.node.create_subscription(Header, "handled", self._on_handled, HANDLED)
 
     def start_robot(self) -> None:
         """Say where the robot is until it is commanded."""
@@ -197,11 +197,11 @@ class Listener:
         self.commands.append((ns_from_msg(message.header.stamp), time.time_ns()))
 
     def _on_handled(self, message: Any) -> None:
-        fate = handled_from_msg(message)
-        if fate.outcome == "tick":
-            self.ticks.add(fate.stamp_ns)
-        elif fate.stage == "pipeline":
-            self.skeletons.append(fate.stamp_ns)
+        handled = handled_from_msg(message)
+        if handled.outcome == "tick":
+            self.ticks.add(handled.stamp_ns)
+        elif handled.stage == "pipeline":
+            self.skeletons.append(handled.stamp_ns)
 
 
 def _spread(times_ns: Any) -> dict[str, float]:

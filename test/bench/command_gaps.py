@@ -96,7 +96,7 @@ class GapRoom(Room):
         if now_ns >= self._robot_ns:
             self._robot_ns = max(self._robot_ns + 10_000_000, now_ns)
             place = np.array(self.commands[-1].positions_rad) if self.commands else ROBOT.home_rad
-            self._tell(JointMeasurement(now_ns, ROBOT.joint_names, place))
+            self._publish_joints(JointMeasurement(now_ns, ROBOT.joint_names, place))
         self._executor.spin_once(timeout_sec=0.002)
 
 
@@ -166,7 +166,7 @@ def measure(
             raise SystemExit(f"of {', '.join(sorted(wanted))} some did not start")
         room.until(lambda: False, 1.0)  # for discovery
         before, cpu = memory_mb(process.pid), cpu_s(process.pid)
-        begun_ns = time.monotonic_ns()
+        started_ns = time.monotonic_ns()
         room.until(lambda: False, seconds)
         ended_ns = time.monotonic_ns()
         cpu, after = cpu_s(process.pid) - cpu, memory_mb(process.pid)
@@ -174,7 +174,7 @@ def measure(
         listener.wait(20.0)
         with np.load(heard) as arrays:
             came_ns, stamps_ns, fastest = arrays["came_ns"], arrays["stamp_ns"], arrays["rad_s"]
-    during = (came_ns >= begun_ns) & (came_ns <= ended_ns)
+    during = (came_ns >= started_ns) & (came_ns <= ended_ns)
     return {
         "flooded": label,
         "commands": int(during.sum()),
@@ -267,10 +267,10 @@ def flood(topic: str, start_ns: int, rate_hz: float) -> None:
     executor.add_node(node)
     nan = JointMeasurement(0, ROBOT.joint_names, np.full(len(ROBOT.joint_names), np.nan))
     bad = {"joint_states": serialize_message(joint_measurement_to_msg(nan)), "skeleton": encoded.message(())}
-    sent, begun_s = 0, time.monotonic()
+    sent, started_s = 0, time.monotonic()
     while not ended:
         executor.spin_once(timeout_sec=0.0)
-        due = int((time.monotonic() - begun_s) * rate_hz)
+        due = int((time.monotonic() - started_s) * rate_hz)
         due, sent = (due, sent) if due - sent < rate_hz * 0.1 else (due, due - int(rate_hz * 0.1))
         for number in range(sent, due):
             now_ns = time.time_ns()
@@ -288,7 +288,7 @@ def flood(topic: str, start_ns: int, rate_hz: float) -> None:
                         publisher.publish(data[:4] + stamp + data[12:])
         sent = max(due, sent)
         time.sleep(BURST_S)
-    print(f"flood of {topic}: {sent / (time.monotonic() - begun_s):.0f} messages a second", file=sys.stderr)
+    print(f"flood of {topic}: {sent / (time.monotonic() - started_s):.0f} messages a second", file=sys.stderr)
     rclpy.try_shutdown()
 
 

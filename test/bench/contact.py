@@ -88,16 +88,16 @@ def _robot_from_camera(standing: Standing, place_m: Point) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Story:
-    """What retargeting is told of one interaction, by real perception and inference.
+    """Inputs of retargeting in one interaction, by real perception and inference.
 
     Attributes:
-        told: Each input and when it comes [ns].
+        inputs: Each input and when it comes [ns].
         hand_m: (T, 3) the person's true hand in the robot's base frame ...
         rate_hz: ... so often.
         end_ns: When it is over.
     """
 
-    told: tuple[tuple[int, MotionWindow | PersonPose], ...]
+    inputs: tuple[tuple[int, MotionWindow | PersonPose], ...]
     hand_m: FloatArray
     rate_hz: float
     end_ns: int
@@ -120,33 +120,33 @@ def story(pipeline: Pipeline, arm_m: FloatArray, rate_hz: float, interaction: st
         settings = replace(perception.settings, robot_from_source=_robot_from_camera(standing, place_m))
         perception = Perception(settings)
     seeing, inferring = perception.init(), pipeline.inference.init()
-    told: list[tuple[int, MotionWindow | PersonPose]] = []
+    inputs: list[tuple[int, MotionWindow | PersonPose]] = []
     for frame in skeleton_frames(bodies(track), rate_hz, START_NS):
         seeing, windows = perception.step(seeing, (frame,), frame.stamp_ns)
         if seeing.person is not None:
-            told.append((frame.stamp_ns, seeing.person))
+            inputs.append((frame.stamp_ns, seeing.person))
         for window in windows:
             inferring, motions = pipeline.inference.step(inferring, window, frame.stamp_ns)
-            told += [(frame.stamp_ns, motion) for motion in motions]
-    return Story(tuple(told), hand_m, rate_hz, START_NS + round(len(track) / rate_hz * 1e9))
+            inputs += [(frame.stamp_ns, motion) for motion in motions]
+    return Story(tuple(inputs), hand_m, rate_hz, START_NS + round(len(track) / rate_hz * 1e9))
 
 
-def play(retargeting: Retargeting, told: Story) -> Episode:
+def play(retargeting: Retargeting, inputs: Story) -> Episode:
     """Let the simulated robot answer."""
-    chain, waiting = chain_of(ROBOT), list(told.told)
+    chain, waiting = chain_of(ROBOT), list(inputs.inputs)
     state, _ = retargeting.step(
         retargeting.init(), JointMeasurement(START_NS, ROBOT.joint_names, ROBOT.home_rad), START_NS
     )
     commands, simulated, hands, times = [], [], [], []
     with BulletRobot(ROBOT) as robot:
-        for now_ns in range(START_NS, told.end_ns, TICK_NS):
+        for now_ns in range(START_NS, inputs.end_ns, TICK_NS):
             started = time.thread_time()
             state, (command,) = retargeting.step(state, None, now_ns)
             times.append((time.thread_time() - started) * 1e3)
             while waiting and waiting[0][0] <= now_ns + TICK_NS // 2:
                 stamp_ns, given = waiting.pop(0)
                 state, _ = retargeting.step(state, given, max(now_ns, stamp_ns))
-            hands.append(told.hand_at(now_ns))
+            hands.append(inputs.hand_at(now_ns))
             commands.append(command)
             simulated.append(chain.tool(robot.measure(now_ns).positions_rad[: len(ROBOT.joint_names)]))
             robot.stiffen(command.stiffness)
@@ -186,7 +186,7 @@ def main() -> None:
             learned: list[Episode] = []
             stories = [story(pipelines["off"], arm, rate, name, not chosen.uncalibrated) for arm, rate in chosen_arms]
             for mix in chosen.ik:
-                episodes = [play(pipelines[mix].retargeting, told) for told in stories]
+                episodes = [play(pipelines[mix].retargeting, inputs) for inputs in stories]
                 learned = learned or episodes
                 if episodes:
                     print(f"{name:11} {source:6} {mix:6} " + _summary(episodes, learned), flush=True)

@@ -114,7 +114,7 @@ def live_model() -> tuple[tuple[Demonstration, ...], Protocol, Configuration]:
 
 
 def measure_epochs(count: int = 8) -> np.ndarray:
-    """Seconds of each epoch of a network, after a first one that compiles; every other estimates the priors anew."""
+    """Seconds of each epoch of a network, after a first one that compiles; every other re-estimates the priors."""
     trials, protocol, asked = live_model()
     epochs, seconds = train(trials, protocol, replace(asked.settings, members=1), asked.seed), []
     next(epochs)

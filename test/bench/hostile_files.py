@@ -49,8 +49,8 @@ MEMORY_BYTES, FILE_BYTES, SECONDS = 2 << 30, 1 << 30, 120
 
 START_NS, YEAR_NS = 10**18, 365 * 24 * 3600 * 10**9
 MARKERS = "visualization_msgs/msg/MarkerArray"
-NOBODY = encode(jazzy_types().types[MARKERS]([]))
-"""What a tracker sends when it sees nobody."""
+NO_PERSON = encode(jazzy_types().types[MARKERS]([]))
+"""What a tracker sends when it sees no person."""
 
 DOCUMENT = "docs/bags.md"
 
@@ -58,7 +58,7 @@ MAGIC = b"\x89MCAP0\r\n"
 
 
 def _write(storage: StoragePlugin, mode: CompressionMode) -> Callable[[Path], None]:
-    """A good bag of a tracker that sees nobody."""
+    """A good bag of a tracker that sees no person."""
 
     def write(bag: Path) -> None:
         writer = Writer(bag, version=9, storage_plugin=storage)
@@ -66,7 +66,7 @@ def _write(storage: StoragePlugin, mode: CompressionMode) -> Callable[[Path], No
         with writer:
             topic = writer.add_connection("/body_tracking_data", MARKERS, typestore=jazzy_types())
             for index in range(24):
-                writer.write(topic, START_NS + index * 10**7, NOBODY)
+                writer.write(topic, START_NS + index * 10**7, NO_PERSON)
 
     return write
 
@@ -179,8 +179,8 @@ def _lz4_chunk(bag: Path) -> None:
     write_mcap(bag.with_suffix(".mcap"), [Chunk(lz4.frame.compress(bytes(1 << 30)), 1 << 30, "lz4")])
 
 
-def _one_message(size: int, data: bytes = NOBODY) -> bytes:
-    """A chunk of `size` bytes: a message, and a record of zeros that nobody wants."""
+def _one_message(size: int, data: bytes = NO_PERSON) -> bytes:
+    """A chunk of `size` bytes: a message, and a record of zeros that is not needed."""
     first = message(1, START_NS, data)
     return first + record(0x80, bytes(size - len(first) - 9))
 
@@ -595,11 +595,11 @@ def table(outcomes: list[Outcome]) -> str:
     lines = ["| File | Outcome | Seconds | Peak MB | Temporary MB |", "|---|---|---:|---:|---:|"]
     for name in dict.fromkeys(outcome.name for outcome in outcomes):
         found = [outcome for outcome in outcomes if outcome.name == name]
-        told = [f"*{outcome.line or 'read to its end'}*" for outcome in found]
-        if len(found) == 2 and told[0] != told[1]:
-            told[1] = f"with `--salvage`: {told[1]}"
+        texts = [f"*{outcome.line or 'read to its end'}*" for outcome in found]
+        if len(found) == 2 and texts[0] != texts[1]:
+            texts[1] = f"with `--salvage`: {texts[1]}"
         cells = [max(getattr(each, key) for each in found) for key in ("seconds", "peak_mb", "scratch_mb")]
-        words = "; ".join(dict.fromkeys(told)).replace("|", "\\|")
+        words = "; ".join(dict.fromkeys(texts)).replace("|", "\\|")
         lines.append(f"| {name} | {words} | {cells[0]:.0f} | {cells[1]:.0f} | {cells[2]:.0f} |")
     return "\n".join(lines) + "\n"
 

@@ -39,7 +39,7 @@ from test.mutations.fault import INTERPRETED, Fault, faulty
 ROOT = Path(__file__).resolve().parents[2]
 LEFT_OUT = (".git", ".venv", ".mild", "out", "__pycache__", ".pytest_cache", ".ruff_cache", ".mypy_cache", "*.egg-info")
 LIMIT_S = 120.0
-"""Tests of one area take seconds, compilation included; whoever takes so long hangs, which is noticed too."""
+"""Tests of one area take seconds, compilation included; a run that takes this long hangs, which counts as noticed."""
 
 FAILED, COLLECTED_IN_VAIN = 1, 2
 """Exit codes of pytest with which a fault is noticed: a test failed, or a test file could not even be imported."""
@@ -140,7 +140,7 @@ class Copy:
 
         Args:
             tests: Files, folders or single tests.
-            limit_s: Whoever takes longer hangs.
+            limit_s: A run that takes longer hangs.
             interpreted: Without numba's compiler.
             changed: The faulty file.
         """
@@ -152,7 +152,7 @@ class Copy:
 
         Args:
             fault: Which.
-            limit_s: Whoever takes longer hangs.
+            limit_s: A run that takes longer hangs.
             first: The test that may notice it by itself.
         """
         path, start = self.tree / fault.file, time.monotonic()
@@ -227,10 +227,10 @@ class Results:
 
 @contextlib.contextmanager
 def alone(folder: Path) -> Iterator[None]:
-    """Nobody else plants faults in these copies meanwhile.
+    """Lock these copies against a second run.
 
     Raises:
-        SetupError: Somebody does, or the folder cannot be written.
+        SetupError: Another run holds it, or the folder cannot be written.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -280,7 +280,7 @@ def passing(copies: Sequence[Copy], faults: Sequence[Fault], results: Results) -
 
 
 def run(faults: Sequence[Fault], jobs: int, folder: Path, source: Path = ROOT) -> list[Outcome]:
-    """Judge every fault and tell of each.
+    """Judge every fault and report each.
 
     Args:
         faults: Which.
@@ -324,8 +324,8 @@ def run(faults: Sequence[Fault], jobs: int, folder: Path, source: Path = ROOT) -
                     if outcome.verdict != "error":
                         results.put(keys[outcome.fault], outcome)
                     left_s = (time.monotonic() - start) / done * (len(todo) - done)
-                    told = f"[{done}/{len(todo)}, {left_s / 60:.0f} min left] {outcome.verdict:8}"
-                    print(f"{told} {outcome.seconds:5.1f} s  {outcome.fault}", flush=True)
+                    line = f"[{done}/{len(todo)}, {left_s / 60:.0f} min left] {outcome.verdict:8}"
+                    print(f"{line} {outcome.seconds:5.1f} s  {outcome.fault}", flush=True)
     return [found[fault.name] for fault in faults]
 
 

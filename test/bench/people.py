@@ -89,10 +89,10 @@ class Verdict:
 def run_one(job: tuple[str, int]) -> Result:
     """Play and judge one scene by one seed; the same seed gives the same result."""
     name, seed = job
-    begun_s = time.perf_counter()
+    started_s = time.perf_counter()
     setting = SCENES[name].make(np.random.default_rng([seed, sum(name.encode())]))
     judgement = judge(setting, play(setting, seed))
-    return Result(name, seed, setting.expectation, judgement, time.perf_counter() - begun_s)
+    return Result(name, seed, setting.expectation, judgement, time.perf_counter() - started_s)
 
 
 def nearest_m(results: Iterable[Result], part: str) -> float:
@@ -226,17 +226,17 @@ def measured(jobs: Sequence[tuple[str, int]], processes: int, path: Path | None,
     digest = code_digest()
     known = {(each.scene, each.seed): each for each in _kept(path, digest)}
     waiting = [job for job in jobs if job not in known]
-    begun_s = kept_s = time.monotonic()
+    started_s = kept_s = time.monotonic()
 
     def took(result: Result, number: int) -> None:
         nonlocal kept_s
         known[result.scene, result.seed] = result
         if not quiet:
-            left_s = (time.monotonic() - begun_s) / number * (len(waiting) - number)
+            left_s = (time.monotonic() - started_s) / number * (len(waiting) - number)
             least = _cm(min(result.judgement.clearance_m.values(), default=np.inf)) or "-"
             speed = max(result.judgement.still_m_s)
-            told = f"[{number}/{len(waiting)}] {result.scene} seed {result.seed}: {least} cm, {speed:.2f} m/s"
-            print(f"{told}; {left_s / 60:.1f} min left", file=sys.stderr, flush=True)
+            line = f"[{number}/{len(waiting)}] {result.scene} seed {result.seed}: {least} cm, {speed:.2f} m/s"
+            print(f"{line}; {left_s / 60:.1f} min left", file=sys.stderr, flush=True)
         if time.monotonic() - kept_s > 10.0 or number == len(waiting):
             _keep(path, digest, list(known.values()))
             kept_s = time.monotonic()

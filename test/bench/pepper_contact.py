@@ -25,7 +25,7 @@ from mild_ros.viewing.body import Places, body_parts
 from mild_ros.viewing.page import FRAMES_PER_SECOND, write_page
 from mild_ros.viewing.placing import stood_on
 from mild_ros.viewing.recorded import JointTrack
-from mild_ros.viewing.renderer import View, open_renderer
+from mild_ros.viewing.renderer import Viewpoint, open_renderer
 from mild_ros.viewing.staging import Staged
 from test.core.retargeting.offering import RAISING_S, Offer, answered, learned_hand
 from test.core.retargeting.perfect import START_NS
@@ -81,7 +81,7 @@ def staged(offer: Offer, commands: Sequence[JointCommand]) -> Staged:
 
 def draw(shown: Staged, path: Path) -> None:
     """Three moments beside each other."""
-    view = View((0.45, 0.0, 0.0), 4.2, 194.0, 9.0, 26.0)
+    view = Viewpoint((0.45, 0.0, 0.0), 4.2, 194.0, 9.0, 26.0)
     pictures = []
     with open_renderer(PEPPER, FLOOR_M) as renderer:
         renderer.add_person(body_parts(shown.bodies))

@@ -2,7 +2,7 @@
 """A soak: random people and interactions, one after the other, and random faults of their tracker and of the robot.
 
 `./mild measure soak --minutes 30` lets the time of the pipeline run as fast as it can; with `--real-minutes 10`
-the real nodes suffer random faults in real time, over DDS. Both tell what broke a limit and how the memory has grown.
+the real nodes suffer random faults in real time, over DDS. Both report what broke a limit and how the memory has grown.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ def _memory_mb() -> float:
 
 def soaked(pipeline: Pipeline, seconds: float, seed: int) -> Soaked:
     """Let acts follow each other for so many seconds of simulated time."""
-    rng, result, begun_s = np.random.default_rng(seed), Soaked(), time.process_time()
+    rng, result, started_s = np.random.default_rng(seed), Soaked(), time.process_time()
     home = JointMeasurement(START_NS, ROBOT.joint_names, ROBOT.home_rad)
     state, _ = pipeline.step(pipeline.init(), home, START_NS)
     last: list[Command] = []
@@ -128,7 +128,7 @@ def soaked(pipeline: Pipeline, seconds: float, seed: int) -> Soaked:
         now_ns, last = act.frames[-1].stamp_ns + TICK_NS, heard[-3:]
         now_ns += -(now_ns - START_NS) % TICK_NS
     result.grown_mb = _memory_mb() - (memory_mb or 0.0)
-    result.cpu_s = time.process_time() - begun_s
+    result.cpu_s = time.process_time() - started_s
     return result
 
 
@@ -156,7 +156,7 @@ def _played(pipeline: Pipeline, state: PipelineState, act: Act) -> tuple[Pipelin
 
 
 def _really_soaked(minutes: float, seed: int) -> int:
-    """Random faults happen to real nodes in real time; what was wrong is told, its number is returned."""
+    """Random faults happen to real nodes in real time; what was wrong is printed, its number is returned."""
     from mild_ros.faults.trial import running_room, tried
     from mild_ros.processes import private_domain
 

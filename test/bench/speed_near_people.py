@@ -54,11 +54,11 @@ BETWEEN = 4
 EPISODE_S = 10.0
 
 TOWARDS_M_S = 0.05
-"""A slower motion of a link's nearest point towards somebody, beyond what is allowed, is none: an arm that gives way
+"""A slower motion of a link's nearest point towards a person beyond the allowed speed is ignored: an arm that gives way
 turns so slowly."""
 
 CLEAR_M = 0.07
-"""Whoever is nearer at first may stay so."""
+"""A person who is closer at first may stay so."""
 
 TOUCHES = Standing((0.9, 0.1, 0.7), np.pi, {"handshake": (0.9, 0.1, 0.7), "rocket": (0.9, 0.0, 0.8)})
 UP = np.array([0.0, 0.0, 1.0])
@@ -396,11 +396,11 @@ class Found:
 
     Attributes:
         ticks: So many commands.
-        near: Those of them with a point of the arm within the last band of anybody.
+        near: Those of them with a point of the arm within the last band of a person.
         peaks_m_s: Largest speed in each band of distance, of people who stand still.
         above: Commands above the bound.
         clear_m: Least distance to a segment that must not be touched and that was further away at first.
-        towards_m_s: Largest speed towards somebody above what their approach leaves of the bound, ...
+        towards_m_s: Largest speed towards a person above what their approach leaves of the bound, ...
         towards: ... commands at which it is above ...
         not_braking: ... those of them at which the arm does not brake at its limits ...
         not_braking_m_s: ... and the largest such speed there.
@@ -436,8 +436,8 @@ class Found:
         self.inside_m_s = max(self.inside_m_s, other.inside_m_s)
 
 
-def somebody(rng: np.random.Generator, number: int) -> tuple[int, people.Ends]:
-    """Somebody around the robot, the watched one before it."""
+def some_person(rng: np.random.Generator, number: int) -> tuple[int, people.Ends]:
+    """A person around the robot, the watched one before it."""
     angle = rng.uniform(-0.5, 0.5) if number == 0 else rng.uniform(-np.pi, np.pi)
     far = rng.uniform(0.55, 1.2)
     at = np.array([far * np.cos(angle), far * np.sin(angle), 0.0])
@@ -473,7 +473,7 @@ def episode(seed: int, seconds: float, moving: bool) -> tuple[Commands, Shown]:
     stage = Retargeting(YUMI, settings, TOUCHES)
     start_ns = now_ns = 1_700_000_000_000_000_000
     state, _ = stage.step(stage.init(), measurement(YUMI.home_rad), now_ns)
-    bodies = [somebody(rng, number) for number in range(rng.integers(1, 4))]
+    bodies = [some_person(rng, number) for number in range(rng.integers(1, 4))]
     drift = rng.normal(0.0, 0.4, 3) * np.array([1.0, 1.0, 0.2]) if moving else np.zeros(3)
     goal = np.array(YUMI.home_rad)
     poses = [pose_of(now_ns, bodies, True, drift)]
@@ -568,10 +568,10 @@ def _known(path: Path | None, key: str) -> dict[int, Found]:
     if path is None or not path.exists():
         return {}
     try:
-        told: dict[str, Any] = json.loads(path.read_text())
-        if told["code"] != key:
+        kept: dict[str, Any] = json.loads(path.read_text())
+        if kept["code"] != key:
             return {}
-        return {int(seed): Found(**{**each, "worst": tuple(each["worst"])}) for seed, each in told["episodes"].items()}
+        return {int(seed): Found(**{**each, "worst": tuple(each["worst"])}) for seed, each in kept["episodes"].items()}
     except (ValueError, KeyError, TypeError) as error:
         raise SetupError(str(path), f"holds no episodes ({error!r})", "give another file") from error
 
@@ -581,7 +581,7 @@ def measured(seeds: Sequence[int], moving: bool, processes: int, path: Path | No
     key = f"{_digest()} {'moving' if moving else 'still'}"
     known = _known(path, key)
     waiting = [(seed, moving) for seed in seeds if seed not in known]
-    begun_s = kept_s = time.monotonic()
+    started_s = kept_s = time.monotonic()
     with multiprocessing.get_context("spawn").Pool(processes) as pool:
         for number, (seed, found) in enumerate(pool.imap_unordered(_work, waiting, 4), 1):
             known[seed] = found
@@ -593,10 +593,10 @@ def measured(seeds: Sequence[int], moving: bool, processes: int, path: Path | No
                 episodes = {seed: asdict(each) for seed, each in known.items()}
                 written.write_text(json.dumps({"code": key, "episodes": episodes}) + "\n")
                 written.replace(path)
-            left_s = (kept_s - begun_s) / number * (len(waiting) - number)
+            left_s = (kept_s - started_s) / number * (len(waiting) - number)
             above = sum(each.above for each in known.values())
-            told = f"{len(known)} of {len(seeds)} episodes, {above} ticks above the bound"
-            print(f"{told}; {left_s / 60:.1f} min left", file=sys.stderr, flush=True)
+            line = f"{len(known)} of {len(seeds)} episodes, {above} ticks above the bound"
+            print(f"{line}; {left_s / 60:.1f} min left", file=sys.stderr, flush=True)
     total = Found()
     for seed in seeds:
         total.add(known[seed])

@@ -62,7 +62,7 @@ def importers(changed: str, tree: Path) -> set[str]:
 def keep_kernels(call: Call, tree: Path) -> Path | None:
     """Give a faulty tree the machine code that its fault does not concern; returns the folder, if it is a new one.
 
-    Machine code is kept by the content of all compiled files together, so one fault would have all of it made anew.
+    Machine code is kept by the content of all compiled files together, so one fault would have all of it recompiled.
     """
     if not call.changed or not call.kernels:
         return None
@@ -102,7 +102,7 @@ def child(call: Call, said: Path) -> None:
     except BaseException as error:
         print(f"Error: {error!r}")
     finally:
-        if made is not None:  # the faulty kernels are of no use to anybody
+        if made is not None:  # the faulty kernels are of no use
             shutil.rmtree(made, ignore_errors=True)
         sys.stdout.flush()
         sys.stderr.flush()
@@ -118,7 +118,7 @@ def run(call: Call) -> tuple[int | None, str]:
         if process == 0:
             child(call, said)
         code, end, parent = None, time.monotonic() + call.limit_s, os.getppid()
-        while time.monotonic() < end and os.getppid() == parent:  # nobody waits for an answer any more
+        while time.monotonic() < end and os.getppid() == parent:  # no one waits for an answer any more
             done, status = os.waitpid(process, os.WNOHANG)
             if done:
                 code = os.waitstatus_to_exitcode(status)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bags of demonstrations that nobody gave: a kinematic person repeats our scenes, a robot or a partner answers."""
+"""Synthetic bags of demonstrations: a kinematic person repeats our scenes, a robot or a partner answers."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from mild_ros.bag_writer import BagWriter, create_bag
 from mild_ros.encoding import encode, type_name_of
 from mild_ros.messages.joint_state import joint_measurement_to_msg
 from mild_ros.messages.pose_array import person_to_pose_array
-from mild_ros.scenes import SCENES, Pose, Scene, arm_track
+from mild_ros.scenes import SCENES, ArmPose, Scene, arm_track
 from mild_ros.simulation.person import BODY_JOINTS, Camera, bodies, skeleton_frames
 
 JOINTS = ("right_shoulder", "right_elbow", "right_hand", "left_shoulder", "pelvis", "head")
@@ -46,9 +46,9 @@ class Session:
 
 
 def varied(scene: Scene, rng: np.random.Generator) -> Scene:
-    """The same done by somebody else: higher or lower, faster or slower."""
+    """The same done by another person: higher or lower, faster or slower."""
 
-    def vary(pose: Pose, largest: float) -> Pose:
+    def vary(pose: ArmPose, largest: float) -> ArmPose:
         lift = tuple(pose.upper + np.array([0.0, 0.0, largest]))
         return replace(pose, after_s=pose.after_s * speed, upper=lift, fore=tuple(pose.fore + spread))
 
@@ -105,8 +105,8 @@ def write_robot(bag: BagWriter, made: Session, rate_hz: float = 25.0, lag_s: flo
     for time_s, row in zip(times, even, strict=True):
         stamp_ns = START_NS + round(time_s * 1e9)
         for places, extra in ((order, ()), (rest, ("gripper",))):
-            told = np.concatenate([row[places], [np.nan] * len(extra)])
-            measured = JointMeasurement(stamp_ns, (*(names[place] for place in places), *extra), told)
+            positions = np.concatenate([row[places], [np.nan] * len(extra)])
+            measured = JointMeasurement(stamp_ns, (*(names[place] for place in places), *extra), positions)
             message = joint_measurement_to_msg(measured)
             bag.write("/joint_states", type_name_of(message), stamp_ns, encode(message))
 

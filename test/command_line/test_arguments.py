@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Wrong arguments are told in one line before anything that takes its time is loaded."""
+"""Wrong arguments are reported in one line before anything that takes its time is loaded."""
 
 from __future__ import annotations
 
@@ -39,15 +39,15 @@ EACH = """
 import io, json, sys
 from contextlib import redirect_stderr
 from mild_ros.command_line.main import main
-told = []
+results = []
 for words in json.loads(sys.argv[1]):
     said = io.StringIO()
     with redirect_stderr(said):
         try:
             main(words)
         except SystemExit as ended:
-            told.append([ended.code, said.getvalue()])
-print(json.dumps([told, sorted(sys.modules)]))
+            results.append([ended.code, said.getvalue()])
+print(json.dumps([results, sorted(sys.modules)]))
 """
 
 
@@ -55,8 +55,8 @@ def test_each_is_one_line_and_loads_nothing_slow(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     command = [sys.executable, "-P", "-c", EACH, json.dumps(list(WRONG.values()))]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True, timeout=120)
-    told, loaded = json.loads(done.stdout.splitlines()[-1])
-    for (code, said), words in zip(told, WRONG, strict=True):
+    results, loaded = json.loads(done.stdout.splitlines()[-1])
+    for (code, said), words in zip(results, WRONG, strict=True):
         assert code == 2
         assert said.count("\n") == 1, said
         assert words in said
@@ -65,7 +65,7 @@ def test_each_is_one_line_and_loads_nothing_slow(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
-def test_a_folder_of_somebody_else_is_no_place_for_results(tmp_path: Path) -> None:
+def test_a_folder_of_another_user_is_no_place_for_results(tmp_path: Path) -> None:
     tmp_path.chmod(0o500)
     command = [sys.executable, "-m", "mild_ros.command_line.main", "replay", BAG, "--out", str(tmp_path / "out")]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)

@@ -73,8 +73,8 @@ def test_between_two_values_lies_the_line_and_in_a_gap_nothing() -> None:
 
 def test_joints_may_come_in_parts_in_any_order_twice_and_backwards_in_time() -> None:
     grid = np.arange(0, 5) * S
-    told = [(("b", "x"), (10.0 * t, -1.0), t) for t in (0, 4, 2, 3, 1, 1)] + [(("a",), (t,), t) for t in range(5)]
-    measured = [(0, JointMeasurement(t * S + 1, names, np.array(values))) for names, values, t in told]
+    published = [(("b", "x"), (10.0 * t, -1.0), t) for t in (0, 4, 2, 3, 1, 1)] + [(("a",), (t,), t) for t in range(5)]
+    measured = [(0, JointMeasurement(t * S + 1, names, np.array(values))) for names, values, t in published]
     joints = joints_on_grid(grid + 1, measured, ("a", "b"), KEPT, 1.5)
     np.testing.assert_allclose(joints, np.outer(range(5), [1, 10]), atol=1e-12)
     with pytest.raises(SetupError, match=r"joint c: is in no message; there are a, b, x; give the names"):
@@ -87,10 +87,10 @@ def test_a_movement_shows_what_went_on_for_most_of_it() -> None:
     assert label_each("x", said, movements) == ["", "shake", "wave", "", "shake"]
     assert label_each("x", for_all("wave"), movements) == ["wave"] * 5
     assert label_each("x", spans_said([]), movements) == [""] * 5
-    told = bag_labels(
+    published = bag_labels(
         "x", [{"from_s": 0, "to_s": 6, "interaction": "a"}, {"from_s": 6, "to_s": 99, "interaction": "b"}]
     )
-    assert label_each("x", told, movements) == ["a", "a", "b", "b", "b"]
+    assert label_each("x", published, movements) == ["a", "a", "b", "b", "b"]
     assert label_each("x", bag_labels("x", ["a", "", "b"]), movements[:3]) == ["a", "", "b"]
 
 
@@ -140,7 +140,7 @@ def test_a_wrong_file_is_named_in_one_line(tmp_path, text: str, said: str) -> No
         (["a/b_c", "a_b/c", "x/b_c", "x/c"], ["a_b_c_1", "a_b_c_2", "x_b_c_3", "x_c_4"]),
     ],
 )
-def test_bags_of_one_name_are_told_apart_by_the_folders_above(
+def test_bags_of_one_name_are_distinguished_by_the_folders_above(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, paths: list[str], names: list[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)

@@ -7,6 +7,8 @@ mixed up between a bag and a model, and nothing about how good a model of real p
 
 from __future__ import annotations
 
+import os
+import subprocess
 from dataclasses import replace
 from pathlib import Path
 
@@ -40,6 +42,7 @@ from test.command_line.made_sessions import (
     write_session,
 )
 from test.command_line.test_main import run
+from test.habits.tree import ROOT
 
 TRACKER = f'source = "pose_array"\njoint_names = {list(JOINTS)}\nsource_axes = "optical"\n'
 CONFIG = f'touching = ["handshake"]\n[person]\n{TRACKER}[robot]\nrobot = "yumi"\n[cut]\nrate_hz = 15.0\n'
@@ -103,7 +106,7 @@ def test_every_interaction_becomes_a_trial_and_nothing_of_it_is_changed(
         take, place = divmod(trial.trial, 6)
         assert trial.interaction == made[take].shown[place][1]
         arm, joints = truth(made[take], begins[trial.trial], trial.frames)
-        # trials.toml tells the begin of a trial to 0.1 ms, where the fastest hand goes 0.2 mm; people sway.
+        # trials.toml holds the start of a trial to 0.1 ms, where the fastest hand goes 0.2 mm; people sway.
         np.testing.assert_allclose(trial.observed_m, arm, atol=3e-4 + 2 * SWAY_M)
         # Joints between two messages of 25 Hz, whose values are between two frames of 15 Hz: a reversal is cut short.
         np.testing.assert_allclose(trial.controlled, joints, atol=0.03)
@@ -193,9 +196,9 @@ def test_two_people_are_brought_onto_one_clock(people: tuple[Path, Session, Sess
     folder, _, partner = people
     options = ("--config", str(folder / "cut.toml"), "--out", str(folder / "trials"))
     assert run("demonstrations", str(folder / "both"), *options) == 0
-    told = capsys.readouterr().out
-    assert "the clock of the partner is 1234.5 s off the recorder's: moved" in told
-    assert "2 trials from 1 bag: 1 handshake, 1 high_five; 2 left out: 1 other not recorded, 1 unlabelled" in told
+    printed = capsys.readouterr().out
+    assert "the clock of the partner is 1234.5 s off the recorder's: moved" in printed
+    assert "2 trials from 1 bag: 1 handshake, 1 high_five; 2 left out: 1 other not recorded, 1 unlabelled" in printed
     recording = recording_named(str(folder / "trials"))
     assert (recording.robot, recording.controlled_names) == ("", ("shoulder", "elbow", "hand"))
     text = (folder / "trials" / "trials.toml").read_text()
@@ -207,7 +210,7 @@ def test_two_people_are_brought_onto_one_clock(people: tuple[Path, Session, Sess
         np.testing.assert_allclose(trial.controlled, arm, atol=0.02)
 
 
-def test_two_people_in_the_same_messages_are_told_apart(tmp_path: Path) -> None:
+def test_two_people_in_the_same_messages_are_distinguished(tmp_path: Path) -> None:
     made = session(["hand_wave", "handshake"], 7)
     wide = Camera(arm_from_camera=looking_at((3.0, 1.2, 0.3), (0.0, 0.2, -0.4)))
     ahead, beside = person_frames(made, person_id=4), person_frames(made, wide, person_id=9)
@@ -226,7 +229,7 @@ def test_two_people_in_the_same_messages_are_told_apart(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module", name="short")
 def _short(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A bag of one handshake and one wave, of which somebody says odd things."""
+    """A bag of one handshake and one wave, with odd labels."""
     folder = tmp_path_factory.mktemp("short")
     made = session(["handshake", "hand_wave"], 3)
     with create_bag(folder / "one") as bag:
@@ -240,7 +243,7 @@ def _short(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ("options", "more", "said"),
     [
         ((), "", "2 left out: 2 unlabelled; look at the pictures"),
-        (("--robot", ""), "-", "nobody answers the person; give --robot or --partner"),
+        (("--robot", ""), "-", "neither a robot nor a partner responds to the person; give --robot or --partner"),
         (("--partner", "same"), "", "both a robot and a partner answer"),
         (("--label", "topic:/lable"), "", "has no /lable of std_msgs/msg/String; name one of /label"),
         (("--topic", "/label"), "", "is of std_msgs/msg/String, not geometry_msgs/msg/PoseArray; name one of /people"),
@@ -259,15 +262,13 @@ def test_what_cannot_be_cut_is_one_line(short: Path, tmp_path: Path, capsys, opt
     (tmp_path / "cut.toml").write_text(f"{more}\n[person]\n{TRACKER}{robot}[cut]\nrate_hz = 15.0\n{table}\n")
     given = ("--config", str(tmp_path / "cut.toml")) if "--config" not in options else ()
     assert run("demonstrations", str(short / "one"), *given, *options, "--out", str(tmp_path / "out")) == 2
-    told = capsys.readouterr().err
-    assert said in told
-    assert told.count("\n") == 1
+    printed = capsys.readouterr().err
+    assert said in printed
+    assert printed.count("\n") == 1
     assert not (tmp_path / "out" / "trials.toml").exists()
 
 
-def test_odd_labels_are_counted_and_a_calibrated_camera_tells_where_the_person_stood(
-    short: Path, tmp_path: Path, capsys
-) -> None:
+def test_odd_labels_are_counted_and_a_calibrated_camera_locates_the_person(short: Path, tmp_path: Path, capsys) -> None:
     robot_from_arm = np.array([[-1.0, 0, 0, 1.2], [0, -1.0, 0, -0.1], [0, 0, 1.0, 0.4], [0, 0, 0, 1.0]])
     pose = robot_from_arm @ Camera().arm_from_camera
     (x, y, z), turn = pose[:3, 3], pose[:3, :3]
@@ -283,7 +284,7 @@ def test_odd_labels_are_counted_and_a_calibrated_camera_tells_where_the_person_s
     np.testing.assert_allclose((*placed.translation_m, abs(placed.yaw_rad)), (1.2, -0.1, 0.4, np.pi), atol=1e-3)
 
 
-def test_nobody_who_stands_still_is_one_line(tmp_path: Path, capsys) -> None:
+def test_no_person_who_stands_still_is_one_line(tmp_path: Path, capsys) -> None:
     made = session(["hand_wave"], 3)
     made = replace(made, track=made.track + np.linspace(0.0, 20.0, len(made.track))[:, None, None])  # walks
     with create_bag(tmp_path / "walking") as bag:
@@ -293,3 +294,11 @@ def test_nobody_who_stands_still_is_one_line(tmp_path: Path, capsys) -> None:
     options = ("--label", "x", "--config", str(tmp_path / "cut.toml"), "--out", str(tmp_path / "out"))
     assert run("demonstrations", str(tmp_path / "walking"), *options) == 2
     assert "the person never stands still for 1 s in it" in capsys.readouterr().err
+
+
+def test_the_example_goes_from_bags_to_a_measured_model(folder: Path, tmp_path: Path) -> None:
+    words = [ROOT / "examples/train_on_my_bags.sh", tmp_path, folder / "cut.toml", folder / "take_0"]
+    done = subprocess.run(words, env={**os.environ, "EPOCHS": "1"}, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "run it: ./mild run pipeline -p model:=" in done.stdout
+    assert load_model(tmp_path / "model").manifest.training["dataset"] == "trials"

@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from mild_ros.share import share_folder
+from mild_core.resources import share_folder
 from test.command_line.test_main import run
 from test.command_line.test_train import smooth_track
 from test.core.learning.test_buetepage_hr import one_hot, track, write
@@ -30,17 +30,17 @@ def evaluate(model, data, *options):
 @pytest.mark.parametrize("labels", ["given", "recognised", "started"])
 def test_json_holds_the_figures_and_nothing_else(model, data, labels, capsys):
     assert evaluate(model, data, "--labels", labels, "--json") == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["protocol"] == "ahead"
-    assert told["labels"] == labels
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["protocol"] == "ahead"
+    assert printed["labels"] == labels
     # 90 and 91 frames, 80 of which one window and its answer take.
-    assert told["interactions"]["hand_wave"]["windows"] == 11 + 12
-    assert told["interactions"]["parachute"] == {**NOTHING, "windows": 0, "trials": 0}
-    errors = [told["interactions"][name]["mse"] for name in ("hand_wave", "handshake", "rocket")]
-    assert told["macro"]["mse"] == pytest.approx(np.mean(errors))
-    assert told["windows"] == sum(row["windows"] for row in told["interactions"].values()) == 81
-    assert told["rmse_deg"] > 0
-    assert (told["recognised_share"] is None) == (labels != "recognised")
+    assert printed["interactions"]["hand_wave"]["windows"] == 11 + 12
+    assert printed["interactions"]["parachute"] == {**NOTHING, "windows": 0, "trials": 0}
+    errors = [printed["interactions"][name]["mse"] for name in ("hand_wave", "handshake", "rocket")]
+    assert printed["macro"]["mse"] == pytest.approx(np.mean(errors))
+    assert printed["windows"] == sum(row["windows"] for row in printed["interactions"].values()) == 81
+    assert printed["rmse_deg"] > 0
+    assert (printed["recognised_share"] is None) == (labels != "recognised")
 
 
 def test_live_is_what_the_robot_runs_also_after_standing(model, data, capsys):
@@ -79,10 +79,10 @@ def test_an_empty_test_split_is_said_and_is_no_fault(model, data, capsys):
     assert evaluate(model, data, "--split", "test") == 0
     assert "the test split of" in capsys.readouterr().out
     assert evaluate(model, data, "--split", "test", "--json") == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["macro"]["mse"] is None
-    assert told["windows"] == 0
-    assert "is empty" in told["note"]
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["macro"]["mse"] is None
+    assert printed["windows"] == 0
+    assert "is empty" in printed["note"]
 
 
 @pytest.mark.parametrize(
@@ -98,9 +98,9 @@ def test_an_empty_test_split_is_said_and_is_no_fault(model, data, capsys):
 )
 def test_what_cannot_be_measured_is_refused_in_one_line(model, data, options, said, capsys):
     assert evaluate(model, data, *options) == 2
-    told = capsys.readouterr().err
-    assert said in told
-    assert told.count("\n") == 1
+    printed = capsys.readouterr().err
+    assert said in printed
+    assert printed.count("\n") == 1
 
 
 def test_an_absent_recording_and_an_absent_model_are_named(model, data, tmp_path, capsys):
@@ -141,19 +141,19 @@ def test_cross_validation_writes_its_tables_and_what_happened_at_run_time(four_b
     options = ("--method", "action_mean", "--method", "mild", "--workers", "1", "--seeds", "1")
     options += ("--config", str(tmp_path / "tiny.toml"), "--data", str(four_by_four))
     assert run("evaluate", "--cv", *options, "--out", str(tmp_path / "out"), "--json") == 0
-    told = json.loads(capsys.readouterr().out)
+    printed = json.loads(capsys.readouterr().out)
     stem = tmp_path / "out" / "cross_validation_buetepage_hr_next"
-    assert told == json.loads(stem.with_suffix(".json").read_text())
-    assert [(row["method"], row["labels"]) for row in told["methods"] if row["method"] != "mild"] == [
+    assert printed == json.loads(stem.with_suffix(".json").read_text())
+    assert [(row["method"], row["labels"]) for row in printed["methods"] if row["method"] != "mild"] == [
         ("action_mean", "given")
     ]
-    assert {row["windows"] for row in told["methods"]} == {16 * (18 - 9)}
-    ours = told["run_time"].pop("mild")
-    assert told["run_time"] == {}
+    assert {row["windows"] for row in printed["methods"]} == {16 * (18 - 9)}
+    ours = printed["run_time"].pop("mild")
+    assert printed["run_time"] == {}
     assert ours["trials"] == 16
     assert 0 <= ours["wrong_after_s"]["5"] <= 16
-    macro = {row["labels"]: row["macro_mean"] for row in told["methods"] if row["method"] == "mild"}
-    assert sum(ours["untold_adds"].values()) == pytest.approx(macro["recognised"] / macro["given"] - 1.0, abs=1e-9)
+    macro = {row["labels"]: row["macro_mean"] for row in printed["methods"] if row["method"] == "mild"}
+    assert sum(ours["recognition_adds"].values()) == pytest.approx(macro["recognised"] / macro["given"] - 1.0, abs=1e-9)
     assert 0.0 <= ours["called_unknown"] <= 1.0
     for name, curves in ours["reliability"].items():
         assert ours["covariance_scale"][name] > 0.0
@@ -166,14 +166,14 @@ def test_cross_validation_writes_its_tables_and_what_happened_at_run_time(four_b
     assert "| wrong after 1 s |" in written
 
 
-def test_interactions_left_out_are_told_by_share_and_area(four_by_four, tmp_path, capsys):
+def test_interactions_left_out_are_reported_by_share_and_area(four_by_four, tmp_path, capsys):
     options = ("--unknown", "--data", str(four_by_four), "--protocol", "next", "--out", str(tmp_path / "out"))
     assert run("evaluate", *options, "--json") == 0
-    told = json.loads(capsys.readouterr().out)
+    printed = json.loads(capsys.readouterr().out)
     for name in ("hand_wave", "handshake", "rocket", "parachute"):
         for score in ("ours", "nearest_neighbour"):
-            assert 0.0 <= told[name][score]["share"] <= 1.0
-            assert 0.0 <= told[name][score]["area"] <= 1.0
+            assert 0.0 <= printed[name][score]["share"] <= 1.0
+            assert 0.0 <= printed[name][score]["area"] <= 1.0
     assert "| rocket |" in (tmp_path / "out" / "unknown_buetepage_hr_next.md").read_text()
     few = write(tmp_path / "few.npz", [smooth_track(i, 90) for i in range(8)], [one_hot(i // 4, 90) for i in range(8)])
     assert run("evaluate", "--unknown", "--data", str(few)) == 2
@@ -206,5 +206,5 @@ def test_models_are_listed_with_their_figures_and_their_cards_shown(model, capsy
     assert run("models", str(model)) == 0
     assert "Model card: made" in capsys.readouterr().out
     assert run("models", str(model), "--json") == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told[str(model)]["protocol"] == "ahead"
+    printed = json.loads(capsys.readouterr().out)
+    assert printed[str(model)]["protocol"] == "ahead"

@@ -19,7 +19,7 @@ PATIENCE_S = 240.0
 
 
 def _heed_control_c() -> None:
-    """Whoever is started in the background of a shell is made to ignore it, and hands that down."""
+    """A process that is started in the background of a shell is made to ignore it, and hands that down."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 

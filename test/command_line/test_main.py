@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One place lists the commands, imports only the wanted one and tells faults in one line."""
+"""One place lists the commands, imports only the wanted one and reports faults in one line."""
 
 import os
 import subprocess

@@ -46,8 +46,8 @@ def test_the_error_over_the_window_adds_up_to_the_error_of_the_tables(model, dat
     errors, times_s = errors_over_window(seen)
     predictor = ModelPredictor(seen.model, seen.protocol)
     for place, trial in enumerate(seen.trials[:2]):
-        told = errors_of_trial(trial, seen.protocol, predictor.predict(trial)).squared.mean()
-        assert errors["hand_wave"][place].mean() == pytest.approx(told, rel=1e-9)
+        printed = errors_of_trial(trial, seen.protocol, predictor.predict(trial)).squared.mean()
+        assert errors["hand_wave"][place].mean() == pytest.approx(printed, rel=1e-9)
     # Protocol "ahead": from the frame after the newest one to a second ahead.
     np.testing.assert_allclose([times_s[0], times_s[-1]], [0.025, 1.0])
 
@@ -92,9 +92,9 @@ def test_what_cannot_be_drawn_is_one_line(model, data, tmp_path, capsys):
         (("filmstrip", str(tmp_path / "none")), "none"),
     ):
         assert run("plot", *arguments) == 2
-        told = capsys.readouterr().err
-        assert said in told
-        assert told.count("\n") == 1
+        printed = capsys.readouterr().err
+        assert said in printed
+        assert printed.count("\n") == 1
 
 
 def measured(path: Path) -> Path:

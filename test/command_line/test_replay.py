@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How `mild replay` is told what to do: parameters as the nodes take them, and flags only where they can work."""
+"""Options of `mild replay`: parameters as the nodes take them, and flags only where they can work."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def test_a_bag_of_another_tracker_is_refused_before_anything_runs(
     with pytest.raises(SystemExit, match="2"):
         main(["replay", str(ROOT / "bags" / "handshake"), "--out", str(tmp_path / "out"), *words])
     said = capsys.readouterr()
-    assert "handshake: shows nobody to nuitrack: it brings markers 100 to 131 in frame" in said.err
+    assert "handshake: shows no person to nuitrack: it brings markers 100 to 131 in frame" in said.err
     assert "set source to azure_kinect" in said.err
     assert said.out == ""
     assert not (tmp_path / "out").exists()

@@ -13,9 +13,9 @@ import pytest
 from rich.console import Console
 
 from mild_core.errors import BagError
+from mild_core.resources import share_folder
 from mild_ros.command_line import results
 from mild_ros.demo import RunOptions
-from mild_ros.share import share_folder
 from mild_ros.viewing.page import UNPAINTED, _colour
 
 HANDSHAKE = share_folder("bags") / "handshake"
@@ -35,20 +35,20 @@ def test_a_page_that_fails_costs_neither_the_numbers_nor_the_pictures(
     (tmp_path / results.PAGE).write_text("of an earlier run")
     monkeypatch.setattr(results, "write_page", _fails)
     monkeypatch.setattr(results, "draw_filmstrip", _draws)
-    shown = results.leave(HANDSHAKE, tmp_path, RunOptions(), "handshake", Console())
+    shown = results.leave(HANDSHAKE, tmp_path, RunOptions(), "h\udcc3\udca4nd", Console())  # a name in another encoding
     left = {path.name for path in shown.files}
     assert left == {"handshake", "filmstrip.png", "plots.png", "report.json"}, "what is listed is there, and no page is"
     assert all(path.exists() for path in shown.files)
     assert not (tmp_path / results.PAGE).exists(), "a page of an earlier run would be taken for this one's"
-    results.tell(shown, "handshake", Console())
+    results.print_summary(shown, "handshake", Console())
     assert "no page.html: AttributeError: 'TextureVisuals'" in capsys.readouterr().out
 
 
-def test_a_run_that_shows_nobody_still_has_numbers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def shows_nobody(*_: Any) -> None:
+def test_a_run_without_a_person_still_has_numbers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def shows_no_person(*_: Any) -> None:
         raise BagError("recorded", "never shows a whole person", "there is nothing to show; plots need less")
 
-    monkeypatch.setattr(results, "stage", shows_nobody)
+    monkeypatch.setattr(results, "stage", shows_no_person)
     shown = results.leave(HANDSHAKE, tmp_path, RunOptions(), "handshake", Console())
     assert [path.name for path in shown.files] == ["handshake", "plots.png", "report.json"]
     assert len(shown.problems) == 1

@@ -63,9 +63,9 @@ def test_a_trained_folder_loads_and_carries_measured_errors(data, tmp_path, caps
     out = tmp_path / "made"
     options = ("--data", str(data), "--out", str(out), "--errors", str(errors))
     assert run("train", "--config", "yumi_buetepage_ahead", *options, *QUICK) == 0
-    told = capsys.readouterr()
-    assert f"written: {out}" in told.out
-    assert "network 1/1 epoch 2" in told.err
+    printed = capsys.readouterr()
+    assert f"written: {out}" in printed.out
+    assert "network 1/1 epoch 2" in printed.err
     model = load_model(out)
     manifest = model.manifest
     assert (manifest.name, manifest.protocol, manifest.lead_frames) == ("made", "ahead", 1)
@@ -111,7 +111,8 @@ def test_a_card_says_whether_the_error_levelled_off(tmp_path, monkeypatch, capsy
     assert "--doublings 1" in report
 
 
-def test_a_partners_arm_is_learned_and_scored_in_metres(tmp_path, capsys):
+def test_a_partners_arm_is_learned_and_scored_in_metres_and_starts_another(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("mild_ros.command_line.train._gestures", lambda interactions: ({}, "none: left out here"))
     tracks = [np.tile(smooth_track(index, 60 + index)[:, :9], 2) for index in range(8)]
     data = write_people(tmp_path / "a.npz", tracks, [index // 2 for index in range(8)])
     out = tmp_path / "made"
@@ -122,10 +123,23 @@ def test_a_partners_arm_is_learned_and_scored_in_metres(tmp_path, capsys):
     assert "a second person" in (out / "REPORT.md").read_text()
     capsys.readouterr()
     assert run("evaluate", "--model", str(out), "--data", str(data), "--json") == 0
-    told = json.loads(capsys.readouterr().out)
-    assert (told["dataset"], told["unit"]) == ("nuisi", "m^2")
-    assert 0 < told["mean_absolute_cm"] < told["rmse_cm"] < 100
-    assert told["windows"] == sum(60 + index - 4 for index in range(8))
+    printed = json.loads(capsys.readouterr().out)
+    assert (printed["dataset"], printed["unit"]) == ("nuisi", "m^2")
+    assert 0 < printed["mean_absolute_cm"] < printed["rmse_cm"] < 100
+    assert printed["windows"] == sum(60 + index - 4 for index in range(8))
+    heir = f'dataset = "nuisi"\nprotocol = "same"\nstart_from = "{out}"\n'
+    (tmp_path / "heir.toml").write_text(heir + "[settings.prior]\ncomponents = 3\n")
+    again = ("train", "--config", str(tmp_path / "heir.toml"), "--data", str(data), *QUICK, "--out")
+    assert run(*again, str(tmp_path / "heir")) == 0
+    started = load_model(tmp_path / "heir").manifest.training["start_from"]
+    assert started.startswith("made (")
+    assert "decoder." in started
+    assert f"Hidden layers from {started}." in (tmp_path / "heir" / "REPORT.md").read_text()
+    capsys.readouterr()
+    preset = 'preset = "paper"\n[settings.prior]\ncomponents = 3\n'
+    (tmp_path / "heir.toml").write_text(heir + preset)
+    assert run(*again, str(tmp_path / "none")) == 2
+    assert "start_from: no hidden layer of it has the name and size" in capsys.readouterr().err
 
 
 def test_errors_of_another_protocol_are_refused(data, tmp_path, capsys):
@@ -150,9 +164,9 @@ def test_a_table_that_is_none_is_refused_in_one_line(data, tmp_path, content, ca
     (tmp_path / "cv.json").write_text(content)
     options = ("--data", str(data), "--out", str(tmp_path / "made"), "--errors", str(tmp_path / "cv.json"))
     assert run("train", *options, *QUICK) == 2
-    told = capsys.readouterr().err
-    assert "is no table of a cross-validation" in told
-    assert told.count("\n") == 1
+    printed = capsys.readouterr().err
+    assert "is no table of a cross-validation" in printed
+    assert printed.count("\n") == 1
 
 
 def test_wrong_names_and_an_unwritable_folder_are_refused_before_training(data, tmp_path, capsys):
@@ -194,9 +208,9 @@ def test_an_interrupted_training_goes_on_and_ends_as_if_nothing_had_happened(dat
         whole = (kept / "member_1.safetensors").read_bytes()
         (kept / "member_1.safetensors").write_bytes(whole if again else b"\x80\x04cos\nsystem\n(S'true'\ntR.")
         assert run("train", *options, *again, "--out", str(tmp_path / "made")) == 2
-        told = capsys.readouterr().err
-        assert said in told
-        assert told.count("\n") == 1
+        printed = capsys.readouterr().err
+        assert said in printed
+        assert printed.count("\n") == 1
         (kept / "member_1.safetensors").write_bytes(whole)
     assert run("train", *options, "--out", str(tmp_path / "made")) == 0
     assert "epoch 2" in capsys.readouterr().err
@@ -222,9 +236,9 @@ def test_a_trial_too_short_for_the_prior_is_one_line(tmp_path, capsys):
     tracks = [smooth_track(index, 120) for index in range(8)]
     short = write(tmp_path / "short.npz", tracks, [one_hot(index // 2, 120) for index in range(8)])
     assert run("train", "--data", str(short), "--out", str(tmp_path / "made"), *QUICK) == 2
-    told = capsys.readouterr().err
-    assert "120 frames" in told
-    assert "Traceback" not in told
+    printed = capsys.readouterr().err
+    assert "120 frames" in printed
+    assert "Traceback" not in printed
 
 
 def test_a_recording_of_one_interaction_makes_a_model_that_knows_no_other(tmp_path):

@@ -46,7 +46,7 @@ def test_only_regular_files_of_a_bounded_size_are_read(tmp_path: Path) -> None:
 
 
 def test_what_never_ends_is_not_read(tmp_path: Path) -> None:
-    """A pipe that nobody writes into would be waited for; a device never ends; a sparse file costs nothing to make."""
+    """A pipe without a writer would be waited for; a device never ends; a sparse file costs nothing to make."""
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "zeros").symlink_to("/dev/zero")
     with socket.socket(socket.AF_UNIX) as listener, (tmp_path / "huge").open("wb") as huge:

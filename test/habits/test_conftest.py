@@ -31,7 +31,7 @@ def test_each_session_has_a_domain_of_its_own(ros_domain: int) -> None:
 
 @pytest.mark.slow
 def test_a_process_left_behind_fails_the_test_that_left_it(tmp_path: Path) -> None:
-    """The canary of the check: a grandchild that nobody waits for is found, named and ended."""
+    """The canary of the check: an orphaned grandchild is found, named and ended."""
     (tmp_path / "conftest.py").write_text((ROOT / "test" / "conftest.py").read_text())
     (tmp_path / "test_planted.py").write_text(LEAVES_A_PROCESS)
     arguments = ["-m", "pytest", "-c", "/dev/null", "--rootdir", str(tmp_path), "-p", "no:cacheprovider", str(tmp_path)]

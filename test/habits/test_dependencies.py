@@ -25,7 +25,7 @@ DISTRIBUTIONS = {
 """Where the package's name is not the module's."""
 
 ONLY_IN_ROS = ("ros-launch", "ros-launch-ros")
-"""What `ros2 launch` brings along: whoever reads a launch file has it, and the package index has not."""
+"""What `ros2 launch` brings along: a process that reads a launch file has it, and the package index has not."""
 
 ROSDEP_KEYS = {
     "hypothesis": "python3-hypothesis",
@@ -188,7 +188,7 @@ def test_nothing_else_is_asked() -> None:
     assert foreign_hosts(ROOT) == []
 
 
-def test_setup_and_manifest_tell_one_version() -> None:
+def test_setup_and_manifest_name_one_version() -> None:
     manifest = ElementTree.parse(ROOT / "package.xml").findtext("version")
     assert f'version="{manifest}"' in (ROOT / "setup.py").read_text()
     assert f"[{manifest}]" in (ROOT / "CHANGELOG.md").read_text()

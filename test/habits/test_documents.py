@@ -34,12 +34,12 @@ def wrong_commands(text: str) -> list[str]:
 
 
 def only_with_ros2(text: str) -> list[str]:
-    """What is told with the command `ros2` alone, which `./mild` does not bring: a fence, a row or a paragraph each."""
+    """Blocks (fence, row or paragraph) that need the command `ros2`, which `./mild` does not bring."""
     fences = re.findall(r"^```.*?^```", text, flags=re.DOTALL | re.MULTILINE)
     rest = re.sub(r"^```.*?^```", "", text, flags=re.DOTALL | re.MULTILINE)
     blocks = fences + [part for block in rest.split("\n\n") for part in re.split(r"\n(?=\|)", block)]
-    told = re.compile(r"ros2 (?:(?:run|launch) mild_ros|service|topic)")
-    return [block for block in blocks if told.search(block) and "./mild" not in block]
+    ros2_only = re.compile(r"ros2 (?:(?:run|launch) mild_ros|service|topic)")
+    return [block for block in blocks if ros2_only.search(block) and "./mild" not in block]
 
 
 def broken_links(path: Path) -> list[str]:
@@ -168,16 +168,20 @@ def test_the_document_is_so(path: Path) -> None:
     assert broken_links(path) == []
 
 
-def test_the_readme_holds_the_tables() -> None:
-    marks = re.findall(r"<!-- generated: (\w+) -->", (ROOT / "README.md").read_text())
-    assert {"topics", "parameters"} <= set(marks)
+def test_the_reference_holds_the_tables() -> None:
+    marks = re.findall(r"<!-- generated: (\w+) -->", (ROOT / "docs/reference.md").read_text())
+    assert {"topics", "qualities", "parameters", "commands"} <= set(marks)
+
+
+def test_the_readme_is_read_in_five_minutes() -> None:
+    assert len((ROOT / "README.md").read_text().split()) < 1200
 
 
 TELLING = [path for path in DOCUMENTS if path.name != "CHANGELOG.md"]
 
 
 @pytest.mark.parametrize("path", TELLING, ids=lambda path: str(path.relative_to(ROOT)))
-def test_all_that_is_told_can_be_done_without_ros2(path: Path) -> None:
+def test_all_that_is_documented_can_be_done_without_ros2(path: Path) -> None:
     assert only_with_ros2(path.read_text()) == []
 
 

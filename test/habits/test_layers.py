@@ -32,7 +32,10 @@ class Law(NamedTuple):
 
 
 LAWS = (
-    Law("mild_core/__init__.py", (), ()),
+    Law("mild_core/__init__.py", ("mild_core",), ()),
+    Law(
+        "mild_core/resources.py", (*FOUNDATION, "mild_core.perception", "mild_core.inference"), ("ament_index_python",)
+    ),
     Law("mild_core/signals.py", FOUNDATION, ("numpy",)),
     Law("mild_core/shapes.py", FOUNDATION, ("numpy",)),
     Law("mild_core/joint_measurements.py", FOUNDATION, ("numpy",)),
@@ -57,7 +60,7 @@ LAWS = (
         (*FOUNDATION, *STAGES, "mild_core.pipeline", "mild_core.learning"),
         (*NUMERICS, "scipy", "torch"),
     ),
-    Law("mild_ros/", (*FOUNDATION, *STAGES, "mild_core.pipeline", "mild_ros"), None),
+    Law("mild_ros/", (*FOUNDATION, *STAGES, "mild_core.pipeline", "mild_core.resources", "mild_ros"), None),
     Law("mild_ros/command_line/", ("mild_core", "mild_ros"), None),
     Law("mild_ros/command_line/measure.py", ("mild_core.errors", "mild_ros", "test.bench"), None),
     Law("mild_ros/perception_node.py", (*FOUNDATION, "mild_core.perception", "mild_ros"), None),

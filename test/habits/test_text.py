@@ -47,7 +47,7 @@ def empty_names(root: Path) -> list[str]:
 
 
 def machine_paths(root: Path) -> list[str]:
-    """Paths that exist on somebody's machine only."""
+    """Paths that exist on a developer's machine only."""
     found = []
     for path in files(root):
         content = path.read_bytes()

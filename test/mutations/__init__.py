@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Faults that the quick tests have to notice: what `./mild measure mutations` plants, one at a time.
 
-One file per area, each with a tuple FAULTS. Whoever changes the code carries the faults along: a default test fails
+One file per area, each with a tuple FAULTS. A change of the code carries the faults along: a default test fails
 where the old text of one does not stand exactly once in its file.
 """
 

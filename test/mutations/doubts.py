@@ -23,6 +23,10 @@ STARTS = tuple(
         "test_a_greeting_starts_a_quarter_of_a_second_after_the_hand_is_raised",
     )
 )
+UNNAMED = (
+    "test/core/retargeting/test_people.py::"
+    "test_a_hand_without_a_name_starts_nothing_of_people_who_are_not_seen_to_stand_facing_the_robot",
+)
 TIMES = ("test/core/retargeting/test_life.py", "test/core/retargeting/test_stage.py")
 ERRORS = ("test/core/learning/test_evaluation.py",)
 STOPPING = ("test/core/learning/test_stopping.py",)
@@ -94,7 +98,7 @@ FAULTS = (
     ),
     Fault(
         "the person who is farthest away",
-        "Without anybody watched the one who is farthest from the camera is chosen.",
+        "Without a tracked person the one who is farthest from the camera is chosen.",
         IDENTITY,
         "return min(everyone, key=_distance_from_origin, default=None)",
         "return max(everyone, key=_distance_from_origin, default=None)",
@@ -109,7 +113,7 @@ FAULTS = (
         WHO,
     ),
     Fault(
-        "anybody may have run",
+        "everyone may have run",
         "A body with another number is the watched one however far away it is, once time has passed.",
         IDENTITY,
         "if distance is None or distance > reach_m + same * RUNNING_M_S * hidden_s:",
@@ -118,7 +122,7 @@ FAULTS = (
     ),
     Fault(
         "trunks apart by their worst joint",
-        "One joint that a tracker throws away makes somebody another person.",
+        "One joint that a tracker throws away makes one person another person.",
         IDENTITY,
         "return distances[half] if len(distances) % 2 else",
         "return distances[-1] if len(distances) % 2 else",
@@ -142,7 +146,7 @@ FAULTS = (
     ),
     Fault(
         "a person turned away starts the robot",
-        "Whoever looks elsewhere and greets somebody else is followed.",
+        "A person who looks elsewhere and greets another person is followed.",
         GATE,
         "if float(facing @ to_robot) < math.cos(math.radians(settings.start_facing_deg)):",
         "if float(facing @ to_robot) < -math.cos(math.radians(settings.start_facing_deg)):",
@@ -150,7 +154,7 @@ FAULTS = (
     ),
     Fault(
         "any distance starts the robot",
-        "Somebody across the room is followed.",
+        "A person across the room is followed.",
         GATE,
         "if away_m > settings.start_trunk_m or",
         "if away_m < 0.0 or",
@@ -163,6 +167,22 @@ FAULTS = (
         "(now_ns - sight.raised_ns) * 1e-9 < settings.start_watch_s",
         "(now_ns - sight.raised_ns) * 1e-9 < 0.0",
         STARTS,
+    ),
+    Fault(
+        "a hand without a name starts the robot for people who walk",
+        "The arms of people who walk by swing: that is no greeting.",
+        GATE,
+        "float(np.linalg.norm(trunks[0].mean(axis=0))) < WALKS_M_S",
+        "True",
+        UNNAMED,
+    ),
+    Fault(
+        "a hand without a name starts the robot where facing is not judged",
+        "Without a camera that is measured it is unknown for whom a hand is raised.",
+        GATE,
+        "if sight.frame_id != ROBOT_FRAME or crowd is None or not np.isfinite(crowd.facing).all():",
+        "if crowd is None:",
+        UNNAMED,
     ),
     Fault(
         "motions that came lately are fresh",
@@ -198,7 +218,7 @@ FAULTS = (
     ),
     Fault(
         "unknown motions are followed",
-        "A motion that nobody performs is followed without an end.",
+        "A motion that no person performs is followed without an end.",
         WATCHDOG,
         "since_ns is None or (now_ns - since_ns) * 1e-9 <= settings.unknown_after_s",
         "since_ns is None or (now_ns - since_ns) * 1e-9 >= 0.0",

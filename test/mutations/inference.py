@@ -75,7 +75,7 @@ FAULTS = (
     ),
     Fault(
         "restart leaves what goes on as it was",
-        "Segments that go on keep all of their mass when the chain may start anew.",
+        "Segments that go on keep all of their mass when the chain may restart.",
         f"{HERE}/priors/filtering.py",
         "scale[j] *= 1.0 - restart",
         "scale[j] *= 1.0",
@@ -187,7 +187,7 @@ FAULTS = (
     ),
     Fault(
         "a belief that forgets its memory",
-        "The online filter starts anew at every frame.",
+        "The online filter restarts at every frame.",
         f"{HERE}/priors/prior.py",
         "memory = belief.memory.copy() if belief.started else None",
         "memory = None",
@@ -339,7 +339,7 @@ FAULTS = (
     ),
     Fault(
         "a gap of exactly W windows",
-        "After a gap of W windows, which the state still bridges, everything starts anew.",
+        "After a gap of W windows, which the state still bridges, everything is reset.",
         f"{HERE}/stage.py",
         "passed > self.model.manifest.window:",
         "passed >= self.model.manifest.window:",
@@ -347,7 +347,7 @@ FAULTS = (
     ),
     Fault(
         "going back in time is going on",
-        "A stamp before the last one does not start anew.",
+        "A stamp before the last one does not reset.",
         f"{HERE}/stage.py",
         "window.stamp_ns < state.stamp_ns or passed >",
         "window.stamp_ns > state.stamp_ns + 10**15 or passed >",
@@ -355,7 +355,7 @@ FAULTS = (
     ),
     Fault(
         "a reset forgets where the robot stood",
-        "Starting anew loses the robot's start and the counts.",
+        "A reset loses the robot's start and the counts.",
         f"{HERE}/stage.py",
         "start=state.start, counts=state.counts)",
         "counts=state.counts)",
@@ -397,8 +397,8 @@ FAULTS = (
         "strangeness of the farthest interaction",
         "Motion is unknown as soon as one interaction does not explain it.",
         f"{HERE}/stage.py",
-        "strangeness = min([sum([seen.score for seen in told])",
-        "strangeness = max([sum([seen.score for seen in told])",
+        "strangeness = min([sum([seen.score for seen in members])",
+        "strangeness = max([sum([seen.score for seen in members])",
         (*STAGE, *TERRITORY),
     ),
     Fault(
@@ -451,7 +451,7 @@ FAULTS = (
     ),
     Fault(
         "back from anywhere",
-        "A hand that is held still in somebody's hand counts as back at rest.",
+        "A hand that is held still in another hand counts as back at rest.",
         f"{HERE}/resting.py",
         "return rest.moved and back and rest.still_frames >= still_frames",
         "return rest.moved and rest.still_frames >= still_frames",

@@ -243,7 +243,7 @@ FAULTS = (
     ),
     Fault(
         "an agent who stands still has no variance",
-        "Trials in which somebody stands still end the training with a singular matrix.",
+        "Trials in which a person stands still end the training with a singular matrix.",
         "mild_core/inference/priors/demonstrations.py",
         "np.maximum(variance, max(FLATTEST * variance.max(), LEAST_VARIANCE))",
         "variance",

@@ -349,7 +349,7 @@ FAULTS = (
     ),
     Fault(
         "still since it was first seen",
-        "How long a hand is still does not begin anew when it moves.",
+        "How long a hand is still does not restart when it moves.",
         f"{HERE}/person.py",
         "still_ns=pose.stamp_ns if moved else self.still_ns,",
         "still_ns=self.still_ns,",

@@ -130,7 +130,7 @@ def test_mild_run_finds_the_nodes(by_pip: Installed, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_an_executable_starts_what_was_installed(installed: Installed, tmp_path: Path) -> None:
-    """A wrong set-up ends it at once, with the line that tells of it: so it found its code, ROS and its models."""
+    """A wrong set-up ends it at once, with the line that says so: so it found its code, ROS and its models."""
     node = str(installed.prefix / "lib" / "mild_ros" / "inference")
     line = [node, "--ros-args", "-p", "model:=no_such_model"]
     command = line if installed.variables else [*installed.python[:-1], *line]
@@ -141,14 +141,14 @@ def test_an_executable_starts_what_was_installed(installed: Installed, tmp_path:
 
 
 @pytest.mark.slow
-def test_without_ros_models_are_told_and_the_rest_is_one_line(without_ros: Installed, tmp_path: Path) -> None:
+def test_without_ros_models_are_listed_and_the_rest_is_one_line(without_ros: Installed, tmp_path: Path) -> None:
     mild = str(without_ros.prefix / "bin" / "mild")
     shown = run([mild, "models"], tmp_path)
     assert (shown.returncode, "yumi_buetepage_ahead" in shown.stdout) == (0, True), shown.stderr
     for words in (["demo"], ["run", "pipeline"], ["launch", "live"], ["status"]):
-        told = run([mild, *words], tmp_path)
-        assert (told.returncode, told.stderr.count("\n")) == (2, 1), (words, told.stderr)
-        assert "mild: ROS 2: is not installed here" in told.stderr
+        ended = run([mild, *words], tmp_path)
+        assert (ended.returncode, ended.stderr.count("\n")) == (2, 1), (words, ended.stderr)
+        assert "mild: ROS 2: is not installed here" in ended.stderr
 
 
 @pytest.mark.heavy

@@ -12,6 +12,7 @@ import pytest
 import yaml
 
 from mild_core.errors import SetupError
+from mild_core.resources import model_names
 from mild_core.retargeting.robot_file import find_robot
 from mild_ros.assembly.perception import manifest_of
 from mild_ros.assembly.robot import check_fit
@@ -22,7 +23,6 @@ from mild_ros.joint_naming import joint_naming
 from mild_ros.launching import LAUNCHES, commands, read_arguments
 from mild_ros.parameter_files import read_parameters
 from mild_ros.settings import NODES, PipelineParameters
-from mild_ros.share import model_names
 from test.habits.tree import ROOT
 
 CONFIGURATIONS = sorted((ROOT / "mild_ros/config").glob("*.yaml"))

@@ -18,7 +18,7 @@ from test.habits.tree import ROOT
 
 CONFIG = ROOT / "mild_ros/config"
 TYPES = {topic.name.lstrip("/"): topic.message for topic in TOPICS}
-LATCHED = {topic.name for topic in TOPICS if "kept for late comers" in topic.meaning}
+LATCHED = {topic.name for topic in TOPICS if "latched" in topic.meaning}
 SKELETONS = {adapter.type_name.replace("/msg/", "/") for adapter in ADAPTERS.values()}
 
 RVIZ_DISPLAYS = {
@@ -77,6 +77,6 @@ def test_foxglove_shows_what_is_published() -> None:
     assert {topic for topic, _ in paths} >= {"skeleton", "markers", "joint_command", "belief", "diagnostics"}
     fields = {"sensor_msgs/JointState": "position", "std_msgs/Float64MultiArray": "data", "std_msgs/String": "data"}
     for topic, field in paths:
-        assert topic in TYPES, f"nobody publishes /{topic}"
+        assert topic in TYPES, f"no publisher of /{topic}"
         assert not field or field == fields[TYPES[topic]]
     assert SOURCES["azure_kinect"].message == "marker_array", "of all skeletons only markers can be shown as they are"

@@ -109,7 +109,7 @@ def test_a_full_disk_is_one_line(clone: Path, tmp_path: Path) -> None:
 
 
 def test_no_network_is_one_line(tmp_path: Path) -> None:
-    """A proxy that nobody listens at is a network that is not there."""
+    """A proxy without a listener is a network that is not there."""
     clone = copy_of_checkout(tmp_path / "clone")
     for module in ("venv.py", "ensurepip.py", "pip/__init__.py", "json.py"):  # the current folder, which is not asked
         plant(tmp_path, module, f"open({str(tmp_path / 'trace')!r}, 'a').write({module!r})\n")
@@ -122,7 +122,7 @@ def test_no_network_is_one_line(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_fresh_clone_sets_itself_up(clone: Path) -> None:
-    """One call is killed half way. Then two at once: one does all the work anew, the other waits; a third is quick."""
+    """One call is killed half way. Then two at once: one does all the work again, the other waits; a third is quick."""
     command = [str(clone / "mild"), "models"]
     options = {
         "cwd": clone.parent,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A real Azure Kinect, whole: a person at work, 62 s at 15 Hz, with stretches in which the camera sees nobody."""
+"""A real Azure Kinect, whole: a person at work, 62 s at 15 Hz, with stretches in which the camera sees no person."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def run(recorded: list[Recorded], settings: PerceptionSettings) -> tuple[Percept
     return state, windows
 
 
-def test_the_bag_holds_one_person_and_sixty_messages_of_nobody(recorded: list[Recorded]) -> None:
+def test_the_bag_holds_one_person_and_sixty_empty_messages(recorded: list[Recorded]) -> None:
     assert len(recorded) == 933
     assert sum(not message.people for message in recorded) == 60
     assert {len(message.people) for message in recorded} == {0, 1}
@@ -73,7 +73,7 @@ def test_the_bag_holds_one_person_and_sixty_messages_of_nobody(recorded: list[Re
 def test_every_message_of_it_is_accounted_for(recorded: list[Recorded]) -> None:
     state, windows = run(recorded, SETTINGS)
     assert dict(state.counts) == {
-        "nobody": 60,
+        "no_person": 60,
         "calibrating": 11,
         "moving": 36,  # they are at work from the first second on
         "low_confidence": 156,  # the hand behind an object, mostly

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bags state where their camera stood, so that hands meet in a replay without anybody's word."""
+"""Bags state where their camera stood, so that hands meet in a replay without a given camera pose."""
 
 from __future__ import annotations
 
@@ -49,10 +49,10 @@ def test_the_person_of_a_bag_stands_where_the_models_recordings_put_people(scene
     np.testing.assert_allclose(forward, [np.cos(placement.yaw_rad), np.sin(placement.yaw_rad), 0.0], atol=2e-3)
 
 
-def test_what_is_told_wins_over_what_a_bag_states() -> None:
+def test_a_given_camera_pose_wins_over_the_bags() -> None:
     bag = ROOT / "bags" / "handshake"
-    told = PipelineParameters(robot_from_camera="1 2 3 0 0 0")
-    assert with_camera(told, bag).robot_from_camera == "1 2 3 0 0 0"
+    given = PipelineParameters(robot_from_camera="1 2 3 0 0 0")
+    assert with_camera(given, bag).robot_from_camera == "1 2 3 0 0 0"
     given = ["robot_from_camera:=''"]
     assert with_camera(PipelineParameters(), bag, given).robot_from_camera == "", "left unmeasured on purpose"
     assert with_camera(PipelineParameters(robot="another"), bag).robot_from_camera == ""

@@ -35,7 +35,8 @@ def test_a_recording_that_ends_before_its_first_message_is_a_whole_bag(tmp_path,
         bag.add_topic("/elsewhere", JOINT_STATE)
     with open_bag(tmp_path / "bag") as bag:
         assert {topic: one.count for topic, one in bag.topics.items()} == {"/joint_states": 0, "/elsewhere": 0}
-        assert list(bag.messages()) == [] and bag.lost == ""
+        assert list(bag.messages()) == []
+        assert bag.lost == ""
 
 
 def test_a_bag_in_several_files_is_one_bag(tmp_path):

@@ -66,12 +66,12 @@ def test_what_the_formats_own_library_writes_is_read(tmp_path, compression):
 
 def test_a_bag_of_ros_1_is_read(tmp_path):
     old = get_typestore(Stores.ROS1_NOETIC)
-    old.register(get_types_from_msg("uint8 x", "somebody_msgs/msg/Own"))
+    old.register(get_types_from_msg("uint8 x", "other_msgs/msg/Own"))
     header, state = old.types["std_msgs/msg/Header"], old.types[JOINT_STATE]
     time, empty = old.types["builtin_interfaces/msg/Time"], np.zeros(0)
     with Ros1Writer(tmp_path / "old.bag") as writer:
         topic = writer.add_connection("/joint_states", JOINT_STATE, typestore=old)
-        own = writer.add_connection("/own", "somebody_msgs/msg/Own", typestore=old)
+        own = writer.add_connection("/own", "other_msgs/msg/Own", typestore=old)
         for index in range(COUNT):
             message = state(header(7, time(index, 5), "base"), ["a"], np.array([0.1 * index]), empty, empty)
             writer.write(topic, 10**9 + index, old.serialize_ros1(message, JOINT_STATE))

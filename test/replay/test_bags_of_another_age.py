@@ -81,8 +81,8 @@ def write_old(bag: Path, version: Stores, metadata_version: int) -> Path:
     store = get_typestore(version)
     with Writer(bag, version=8, storage_plugin=StoragePlugin.SQLITE3) as writer:
         topic = writer.add_connection("/body_tracking_data", MARKERS, typestore=store)
-        nobody = store.types[MARKERS]([])
-        writer.write(topic, START_NS, store.serialize_cdr(nobody, MARKERS))
+        empty = store.types[MARKERS]([])
+        writer.write(topic, START_NS, store.serialize_cdr(empty, MARKERS))
         for index in range(FRAMES):
             writer.write(topic, START_NS + index * 10**9, store.serialize_cdr(body(store, index), MARKERS))
         writer.write(topic, START_NS + FRAMES * 10**9, b"\x00\x01\x00\x00\xff\xff\xff\xff")
@@ -128,7 +128,7 @@ def test_messages_of_earlier_versions_are_read_by_what_their_bytes_fit(
 
 
 def test_the_definition_in_the_bag_decides(tmp_path: Path) -> None:
-    """Fields are told apart by their names, also where another version has the same types of fields."""
+    """Fields are distinguished by their names, also where another version has the same types of fields."""
     own = get_typestore(Stores.EMPTY)
     text = "std_msgs/Header header\nstring[] name\nfloat64[] effort\nfloat64[] velocity\nfloat64[] position"
     parts = {name: jazzy_types().fielddefs[name] for name in ("std_msgs/msg/Header", "builtin_interfaces/msg/Time")}
@@ -306,7 +306,7 @@ def test_such_a_file_may_be_part_of_a_folder(tmp_path: Path, variant: str) -> No
     assert refused(bag, "--salvage")
 
 
-@pytest.mark.parametrize("profile", ["", "x-somebody"])
+@pytest.mark.parametrize("profile", ["", "x-other"])
 def test_a_profile_says_nothing_of_what_is_in_a_file(tmp_path: Path, profile: str) -> None:
     path = write_with_mcap(tmp_path / "a.mcap")
     data = path.read_bytes()
@@ -338,7 +338,7 @@ def test_paths_may_hold_any_sign(tmp_path: Path, name: str) -> None:
         assert positions(tmp_path / f"{name}{file.suffix}") == EXPECTED
 
 
-def test_a_type_that_nobody_defines_is_named(tmp_path: Path) -> None:
+def test_an_undefined_type_is_named(tmp_path: Path) -> None:
     store = foreign_types()
     name = "zed_msgs/msg/ObjectsStamped"
     with Writer(tmp_path / "bag", version=8, storage_plugin=StoragePlugin.SQLITE3) as writer:

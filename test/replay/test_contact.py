@@ -38,22 +38,21 @@ def pipeline() -> Pipeline:
 
 @pytest.fixture(scope="module")
 def generated(pipeline: Pipeline) -> Callable[[str], tuple[Story, Episode]]:
-    """What a scene tells retargeting and what comes of it, once for all tests."""
+    """Inputs of retargeting in a scene and its commands, once for all tests."""
 
     @cache
-    def told(interaction: str) -> tuple[Story, Episode]:
+    def recorded(interaction: str) -> tuple[Story, Episode]:
         scene = next(scene for scene in SCENES if scene.name == interaction)
         made = story(pipeline, arm_track(scene), RATE_HZ, interaction)
         return made, play(pipeline.retargeting, made)
 
-    return told
+    return recorded
 
 
-def _check(episode: Episode, *, high: bool = False) -> None:
-    """`high`: the hand rises fast and far, and is named only on its way: it is met, but late."""
+def _check(episode: Episode, within_m: float) -> None:
     apart_m = episode.apart_m()
     assert len(apart_m) > 30, "the person's hand is within reach for a while"
-    assert (np.min(apart_m) if high else np.median(apart_m)) < 0.02
+    assert np.median(apart_m) < within_m
     assert min(command.stiffness for command in episode.commands) < 0.5, "the arm is soft in contact"
     check_limits(ROBOT, episode.commands)
 
@@ -62,7 +61,8 @@ def _check(episode: Episode, *, high: bool = False) -> None:
 def test_hands_of_generated_people_and_the_robot_meet(
     generated: Callable[[str], tuple[Story, Episode]], interaction: str
 ) -> None:
-    _check(generated(interaction)[1], high=interaction == "parachute")
+    # The hand of a parachute rises fast and far, and has a name only when it is up.
+    _check(generated(interaction)[1], 0.03 if interaction == "parachute" else 0.02)
 
 
 @pytest.mark.parametrize("interaction", ["handshake", "rocket"])
@@ -80,9 +80,9 @@ def test_hands_of_recorded_people_and_the_robot_meet(pipeline: Pipeline, mild_da
 def test_before_the_approach_the_motion_is_the_learned_one(
     generated: Callable[[str], tuple[Story, Episode]],
 ) -> None:
-    told, episode = generated("parachute")
+    recorded, episode = generated("parachute")
     model = load(PipelineParameters().model)
-    learned = play(make_retargeting(PipelineParameters(ik="off"), model.manifest), told)
+    learned = play(make_retargeting(PipelineParameters(ik="off"), model.manifest), recorded)
     assert episode.before_deg(learned) < 5.0
 
 

@@ -216,7 +216,7 @@ def test_the_document_lists_every_hostile_file() -> None:
     assert [name for name in (*BAGS, *OTHERS) if name not in listed] == []
 
 
-def test_the_table_of_the_document_is_written_anew_and_nothing_else() -> None:
+def test_the_table_of_the_document_is_rewritten_and_nothing_else() -> None:
     document = (ROOT / hostile_files.DOCUMENT).read_text()
     outcomes = [hostile_files.Outcome("a pipe", False, 2, "is none", 1, 3.4, 271.0, 0.2)]
     after = hostile_files.written(document, hostile_files.table(outcomes))

@@ -32,7 +32,7 @@ def test_every_line_is_accounted_for_and_the_right_arm_nearly_always_used(record
     assert counted["calibrated"] == 1
     assert counted["accepted"] > 0.97 * len(recorded)
     assert counted["missed"] == 12  # never came: a pause of 1.2 s after the first line
-    outcomes = ("nobody", "calibrating", "accepted", "low_confidence")
+    outcomes = ("no_person", "calibrating", "accepted", "low_confidence")
     assert sum(counted.get(outcome, 0) for outcome in outcomes) == len(recorded) == 1820
 
 

@@ -115,7 +115,7 @@ def stop(process: subprocess.Popen[str]) -> str:
 def test_what_is_published_is_recorded(sender: Node, tmp_path: Path) -> None:
     fast = sender.create_publisher(JointState, "joint_command", BEST_EFFORT)
     latched = sender.create_publisher(String, "interaction", LATCHED)
-    latched.publish(String(data="before anybody listened"))
+    latched.publish(String(data="before any subscriber"))
     with node("record", {"bag": tmp_path / "bag", "topics": "[joint_command, interaction]"}) as process:
         heard(fast, joint_state(-1), tmp_path / "bag")
         for index in range(500):
@@ -126,7 +126,7 @@ def test_what_is_published_is_recorded(sender: Node, tmp_path: Path) -> None:
         states = [bag.decode(raw) for raw in bag.messages(["/joint_command"])]
         warm_ups = sum(state.header.stamp.sec < 0 for state in states)
         states = states[warm_ups:]
-        assert [bag.decode(raw).data for raw in bag.messages(["/interaction"])] == ["before anybody listened"]
+        assert [bag.decode(raw).data for raw in bag.messages(["/interaction"])] == ["before any subscriber"]
         assert set(bag.topics) == {"/joint_command", "/interaction"}
     np.testing.assert_array_equal([state.position[0] for state in states], [0.1 * index for index in range(500)])
     assert f"{501 + warm_ups} messages" in output
@@ -198,7 +198,7 @@ def test_a_folder_that_goes_away_is_one_line(replaced_by: str, at_the_end: bool,
     bag, elsewhere = tmp_path / "bag", tmp_path / "elsewhere"
     publisher = sender.create_publisher(String, f"text_{replaced_by.replace(' ', '_')}_{int(at_the_end)}", 1000)
     elsewhere.mkdir()
-    (elsewhere / ".reserve").write_text("somebody else's")
+    (elsewhere / ".reserve").write_text("of another process")
     with node("record", {"bag": bag}) as process:
         generator = np.random.default_rng(0)
         heard(publisher, noise(generator, 0), bag)

@@ -43,7 +43,7 @@ from test.replay.processes import node, wait_until
 from test.ros.driver_messages import DRIVERS
 
 INTERACTION = "hand_shake"
-"""Told, not recognised: a model with random weights recognises nothing."""
+"""Given, not recognised: a model with random weights recognises nothing."""
 
 INPUTS = Inputs(SOURCES["azure_kinect"], YUMI)
 
@@ -154,9 +154,9 @@ def with_joints_named(scene: Path, path: Path, names: tuple[str, ...]) -> Path:
         for raw in bag.messages(["/body_tracking_data", *["/joint_states"][: len(names)]]):
             data = raw.data
             if raw.topic == "/joint_states":
-                told = bag.decode(raw)
-                told.name = list(names)
-                data = encode(told)
+                values = bag.decode(raw)
+                values.name = list(names)
+                data = encode(values)
             changed.write(raw.topic, raw.type_name, raw.time_ns, data)
     return path
 
@@ -167,8 +167,8 @@ def test_without_joint_states_of_its_own_the_robot_is_taken_to_stand_at_home(
 ) -> None:
     summary = replay_in_process(with_joints_named(scene, tmp_path / "bag", names), pipeline, INPUTS)
     assert summary.digest == in_process[0].digest
-    told = "its joint_states (a and 6 others) are not of yumi, which begins at home"
-    assert summary.note == (told if names else "")
+    note = "its joint_states (a and 6 others) are not of yumi, which begins at home"
+    assert summary.note == (note if names else "")
 
 
 def test_joints_may_have_other_names_in_the_bag(
@@ -276,8 +276,8 @@ def through_nodes(
     with ExitStack() as stack:
         for name in nodes:
             known = {entry.name for entry in fields(NODES[name])}
-            told = {name: value for name, value in (shared | {"interaction": INTERACTION}).items() if name in known}
-            stack.enter_context(node(name, {"report_handled": True, "use_sim_time": True} | told))
+            values = {name: value for name, value in (shared | {"interaction": INTERACTION}).items() if name in known}
+            stack.enter_context(node(name, {"report_handled": True, "use_sim_time": True} | values))
         wait_until(lambda: listener.count_publishers("joint_command") > 0, "publisher of joint_command")
         replaying = {"bag": scene, "mode": "lock_step", "reporters": len(nodes)}
         known = {entry.name for entry in fields(ReplayParameters)}

@@ -39,7 +39,7 @@ def test_a_grid_does_not_drift_at_a_rate_whose_period_is_no_round_number() -> No
     assert ticks[-1] == pytest.approx(1_000_000_001, abs=30)
 
 
-def test_where_time_begins_anew_so_does_the_grid() -> None:
+def test_where_time_restarts_so_does_the_grid() -> None:
     assert happened(100, 104, 3, 14) == [
         *(("tick", 100), ("message", 100), ("message", 104)),
         *(("tick", 3), ("message", 3), ("tick", 13), ("message", 14)),
@@ -62,12 +62,12 @@ def test_every_marker_of_an_array_gets_the_new_stamp() -> None:
 
 def in_lock_step(*events: Event, recorders: int) -> tuple[LockStep, list[int]]:
     """A sender of these events, and the times of those that it has sent."""
-    told: list[int] = []
-    return LockStep(iter(events), lambda name, data: None, told.append, 1.0, 1, recorders), told
+    ticks: list[int] = []
+    return LockStep(iter(events), lambda name, data: None, ticks.append, 1.0, 1, recorders), ticks
 
 
 def test_a_lock_step_waits_until_a_recorder_has_written_everything_down() -> None:
-    step, told = in_lock_step(Event(1, TICK), Event(2, TICK), recorders=1)
+    step, ticks = in_lock_step(Event(1, TICK), Event(2, TICK), recorders=1)
     first, second = (Handled("pipeline", 0, "tick", stamp_ns) for stamp_ns in (1, 2))
     assert step.advance()
     assert not step.is_done_after(first), "it is handled, and not yet written down"
@@ -77,7 +77,7 @@ def test_a_lock_step_waits_until_a_recorder_has_written_everything_down() -> Non
     assert not step.is_done_once_recorded(second), "the recorder may hear of it first"
     assert step.is_done_after(second)
     assert not step.advance()
-    assert told == [1, 2]
+    assert ticks == [1, 2]
 
 
 def test_every_stage_s_report_has_to_be_written_down() -> None:
@@ -85,12 +85,12 @@ def test_every_stage_s_report_has_to_be_written_down() -> None:
     step, _ = in_lock_step(Event(5, SKELETON, message), recorders=2)
     perceived, inferred = Handled("perception", 1, "accepted", 5), Handled("inference", 0, "accepted", 5)
     step.advance()
-    assert not any(step.is_done_after(fate) for fate in (perceived, inferred))
-    acknowledged = [step.is_done_once_recorded(fate) for fate in (perceived, inferred, perceived, inferred)]
+    assert not any(step.is_done_after(handled) for handled in (perceived, inferred))
+    acknowledged = [step.is_done_once_recorded(handled) for handled in (perceived, inferred, perceived, inferred)]
     assert acknowledged == [False, False, False, True]
 
 
-def test_without_a_recorder_nobody_waits_for_one() -> None:
+def test_without_a_recorder_there_is_no_wait_for_one() -> None:
     step, _ = in_lock_step(Event(1, TICK), recorders=0)
     step.advance()
     assert step.is_done_after(Handled("pipeline", 0, "tick", 1))

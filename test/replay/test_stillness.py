@@ -59,7 +59,7 @@ def test_a_robot_that_trembles_at_home_has_not_moved() -> None:
         ({"messages": {"undecodable": 347}}, "never calibrated: 347 messages were 'undecodable'"),
         ({"perception": {"calibrating": 14, "unknown_frame": 317}}, "317 messages were 'unknown_frame' (the detail)"),
         ({"perception": {"calibrating": 14}}, "never calibrated: 14 messages were 'calibrating'"),
-        ({"perception": {"nobody": 60}}, "60 messages were 'nobody'"),
+        ({"perception": {"no_person": 60}}, "60 messages were 'no_person'"),
         ({"perception": {"calibrated": 1, "accepted": 3}}, "too shortly for a prediction"),
         (
             {
@@ -71,7 +71,7 @@ def test_a_robot_that_trembles_at_home_has_not_moved() -> None:
         ),
         (
             {"perception": {"calibrated": 1, "accepted": 317}, "inference": {"accepted": 400}, "retargeting": {}},
-            "the robot told nothing of its joints",
+            "the robot published no joint states",
         ),
     ],
 )
@@ -84,8 +84,8 @@ def test_the_stage_at_which_the_person_was_lost_is_named(
 
 
 def test_what_nodes_counted_is_read_from_their_newest_diagnostics(tmp_path: Path) -> None:
-    told = {"perception accepted": "3", "retargeting too_old": "7", "step p99 [ms]": "1", "mode": "idle"}
-    counts = counts_of(run(tmp_path, diagnostics={"pipeline": [{"perception accepted": "1"}, told]}))
+    status = {"perception accepted": "3", "retargeting too_old": "7", "step p99 [ms]": "1", "mode": "idle"}
+    counts = counts_of(run(tmp_path, diagnostics={"pipeline": [{"perception accepted": "1"}, status]}))
     assert counts == {"perception": Counter(accepted=3), "inference": Counter(), "retargeting": Counter(too_old=7)}
 
 
@@ -157,13 +157,13 @@ def test_the_last_line_says_why_the_robot_never_moved(tmp_path: Path, capsys: py
         main(["replay", str(bag), "--model", str(model), "--out", str(tmp_path / "out")])
     out, err = capsys.readouterr()
     assert err.splitlines()[-1].startswith("mild: replay: the robot never moved: the person was never calibrated: ")
-    assert "not told" in out
-    assert "no command" not in out, "commands were sent, and nobody tells their age in this process"
+    assert "unknown" in out
+    assert "no command" not in out, "commands were sent, and their age is unknown in this process"
 
 
 @pytest.mark.parametrize(("seen", "lost", "unrecorded"), [(275, 68, 0), (347, 0, 4), (343, 0, 0)])
 def test_no_count_is_negative(tmp_path: Path, seen: int, lost: int, unrecorded: int) -> None:
-    fates = tuple(Handled("pipeline", 0, "accepted", index) for index in range(seen))
-    report = make_report(run(tmp_path, fates=fates), YUMI)
+    outcomes = tuple(Handled("pipeline", 0, "accepted", index) for index in range(seen))
+    report = make_report(run(tmp_path, outcomes=outcomes), YUMI)
     assert (report.lost, report.unrecorded) == (lost, unrecorded)
     assert (("seen, but not recorded", "4") in _lines(report)) is (unrecorded > 0)

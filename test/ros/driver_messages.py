@@ -79,7 +79,7 @@ def pose_array(person: SkeletonFrame) -> Sent:
 
 
 def point_cloud(person: SkeletonFrame) -> Sent:
-    """Two rows: the person, and somebody two metres behind; float32 with a confidence and four bytes of padding."""
+    """Two rows: the person, and another one two metres behind; float32 with a confidence and four bytes of padding."""
     names = ("x", "y", "z", "confidence")
     fields = [PointField(name=name, offset=4 * at, datatype=7, count=1) for at, name in enumerate(names)]
     points = np.zeros((2, len(BODY_JOINTS), 5), np.float32)

@@ -18,7 +18,7 @@ from rclpy.node import Node
 
 ROOT = Path(__file__).parents[2]
 START_S = 120.0
-"""A node needs a second or two to start; a busy machine may take long, and compiling anew a quarter of a minute."""
+"""A node needs a second or two to start; a busy machine may take long, and recompiling a quarter of a minute."""
 
 END_S = 10.0
 """A node ends within a fifth of a second; a busy machine may take longer."""

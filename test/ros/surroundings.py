@@ -58,7 +58,7 @@ class Surroundings:
         self.states.publish(joint_measurement_to_msg(stamped))
 
     def obey(self) -> None:
-        """Say that the robot is where it was told to be; at home before the first command."""
+        """Say that the robot is where it was commanded to be; at home before the first command."""
         self.measure(np.array(self.commands[-1].position) if self.commands else YUMI.home_rad)
 
     def commands_reach(self, pose: FloatArray) -> bool:
@@ -106,7 +106,7 @@ class Person:
         self._sent = 0
 
     def act(self, change: Callable[[SkeletonFrame], SkeletonFrame | None] = lambda frame: frame) -> None:
-        """Publish what is due, after `change`; None makes it a message with nobody in it."""
+        """Publish what is due, after `change`; None makes it a message without a person in it."""
         period_ns = round(1e9 / self.RATE_HZ)
         due = (time.time_ns() - self._start_ns) // period_ns
         if due <= self._sent:
@@ -118,7 +118,7 @@ class Person:
             frame_id=still.frame_id,
             person_id=still.person_id,
             joint_names=still.joint_names,
-            positions_m=still.positions_m + 1e-6 * (due % 7),  # nobody alive is still to the bit
+            positions_m=still.positions_m + 1e-6 * (due % 7),  # no living person is still to the bit
             confidence=still.confidence,
         )
         changed = change(seen)

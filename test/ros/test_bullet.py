@@ -16,16 +16,16 @@ from numpy.typing import NDArray
 from mild_core.errors import SetupError
 from mild_core.retargeting.robots import ROBOTS
 from mild_core.signals import JointCommand
-from mild_ros.simulation.backend import Camera, Scene
+from mild_ros.simulation.backend import RenderCamera, SimulatedScene
 from mild_ros.simulation.bullet import PHYSICS_RATE_HZ, BulletRobot
 
 YUMI = ROBOTS["yumi"]
-CAMERA = Camera(width=160, height=120, smoothing=1)
+CAMERA = RenderCamera(width=160, height=120, smoothing=1)
 
 
 @pytest.fixture
 def simulated() -> Iterator[BulletRobot]:
-    with BulletRobot(YUMI, scene=Scene()) as robot:
+    with BulletRobot(YUMI, scene=SimulatedScene()) as robot:
         yield robot
 
 
@@ -72,7 +72,7 @@ def test_an_arm_without_force_falls(simulated: BulletRobot) -> None:
 
 def test_time_shorter_than_a_step_is_owed_not_lost(simulated: BulletRobot) -> None:
     wanted = YUMI.home_rad + 0.2
-    with BulletRobot(YUMI, scene=Scene()) as other:
+    with BulletRobot(YUMI, scene=SimulatedScene()) as other:
         for _ in range(100):
             simulated.step(_command(wanted, np.zeros(7)), 0.01)
         other.step(_command(wanted, np.zeros(7)), 1.0)

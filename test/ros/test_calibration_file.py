@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A calibration outlives the node: written whole, checked when read, made anew for somebody else."""
+"""A calibration outlives the node: written whole, checked when read, remade for another person."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ class Complaints:
     """Where a file says that it cannot be written."""
 
     def __init__(self) -> None:
-        self.told: list[str] = []
+        self.lines: list[str] = []
 
     def complain(self, about: str, detail: str = "") -> None:
-        self.told.append(f"{about}: {detail}")
+        self.lines.append(f"{about}: {detail}")
 
 
 @pytest.fixture(name="calibration", scope="module")
@@ -50,7 +50,7 @@ def test_what_is_kept_is_read_again_to_the_bit(tmp_path: Path, calibration: Cali
     assert read.as_mapping() == calibration.as_mapping()
     file.keep(replace(calibration, stamp_ns=7), complaints)
     assert json.loads(path.read_text())["stamp_ns"] == 7
-    assert complaints.told == []
+    assert complaints.lines == []
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", "{}", "null", '{"side": "right"}', "\0", "9" * 20_000])
@@ -75,7 +75,7 @@ def test_a_file_that_cannot_be_written_is_a_warning_and_leaves_nothing(
     (tmp_path / "calibration.json").mkdir()
     complaints = Complaints()
     CalibrationFile(str(tmp_path / "calibration.json")).keep(calibration, complaints)
-    assert complaints.told == ["calibration_file: cannot be written (Is a directory)"]
+    assert complaints.lines == ["calibration_file: cannot be written (Is a directory)"]
     assert [found.name for found in tmp_path.iterdir()] == ["calibration.json"]
 
 
@@ -85,13 +85,13 @@ def test_a_kept_calibration_in_another_frame_is_refused(calibration: Calibration
 
 
 def longer(people: People, factor: float) -> People:
-    """Somebody that much taller at the same place."""
+    """A person that much taller at the same place."""
     (person,) = people
     shoulder = person.positions_m[person.joint_names.index("right_shoulder")]
     return (replace(person, positions_m=shoulder + factor * (person.positions_m - shoulder)),)
 
 
-def test_somebody_else_calibrates_anew_after_a_while(calibration: Calibration) -> None:
+def test_another_person_calibrates_again_after_a_while(calibration: Calibration) -> None:
     settings = replace(SETTINGS, calibration=calibration)
     state, windows = run([longer(people, 1.5) for people in seen(at_rate(40.0, 8.0))], settings)
     assert "bone_length" not in state.counts
@@ -108,6 +108,6 @@ def test_a_reset_forgets_what_was_kept(calibration: Calibration) -> None:
     messages = seen(at_rate(40.0, 2.0))
     state, windows = run(messages[:20], perception.settings)
     assert len(windows) == 20
-    state, windows = run(messages[20:], perception.settings, perception.afresh(state))
+    state, windows = run(messages[20:], perception.settings, perception.reset(state))
     assert state.counts["calibrating"] == 40
     assert len(windows) == 20

@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +25,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from mild_core.signals import JointMeasurement, MotionWindow
 from mild_ros.commanding import DISCOVERY_S
+from mild_ros.control import in_real_time
 from mild_ros.faults.judge import Command, problems
 from mild_ros.messages.joint_state import joint_measurement_to_msg
 from mild_ros.messages.motion import motion_state_to_msg, motion_to_msg
@@ -187,9 +190,14 @@ def test_a_hold_among_thousands_of_calls_acts_at_once_and_every_call_is_answered
 
 
 def test_hold_says_so_when_no_command_is_sent(start: Callable[..., NodeProcess], mover: Mover) -> None:
-    start("retargeting")
+    running = start("retargeting")
     mover.connect()
     mover.probe.until(lambda: "waiting for joint_states" in mover.status()[1], "waiting")
+    threads = [int(entry.name) for entry in Path(f"/proc/{running.process.pid}/task").iterdir()]
+    real = [os.sched_getscheduler(one) & ~os.SCHED_RESET_ON_FORK for one in threads].count(os.SCHED_FIFO)
+    with ThreadPoolExecutor(1) as pool:
+        allowed = pool.submit(in_real_time).result()
+    assert (real, mover.status()[2]["control priority"]) == ((1, "real time") if allowed else (0, "normal"))
     answer = mover.probe.call(SetBool, "/retargeting/hold", SetBool.Request(data=True))
     assert answer.message == "held; waiting: the robot has not said where it is, and no command is sent"
 
@@ -211,8 +219,8 @@ def test_a_node_that_ends_brings_the_robot_to_rest_first(
 
 
 class Two:
-    """Two pipelines that believe to command one robot: by the place where each is told the robot is, their commands
-    can be told apart."""
+    """Two pipelines that believe to command one robot: by the place where each gets the robot's state, their commands
+    can be distinguished."""
 
     def __init__(self, probe: Probe, start: Callable[..., NodeProcess], model: Path) -> None:
         self.probe, self._start, self._model = probe, start, model
@@ -243,8 +251,8 @@ class Two:
         """For how long both sent."""
         if not all(self.sent.values()):
             return 0.0
-        begun = max(times[0] for times in self.sent.values())
-        return max(0.0, min(times[-1] for times in self.sent.values()) - begun)
+        started = max(times[0] for times in self.sent.values())
+        return max(0.0, min(times[-1] for times in self.sent.values()) - started)
 
     def yields(self, name: str, other: str) -> bool:
         """Whether a node says that it sends nothing, and for whose sake."""

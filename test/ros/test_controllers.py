@@ -96,7 +96,7 @@ def after_motion(target: np.ndarray, ticks: int) -> Moved:
 
 
 def outgoing(moved: Moved, order: tuple[str, ...] = ()) -> Outgoing:
-    named = joint_naming(YUMI.joint_names, ABB_NAMES).told(moved.command)
+    named = joint_naming(YUMI.joint_names, ABB_NAMES).renamed(moved.command)
     return Outgoing(named, YUMI, order or ABB_NAMES, trajectory=moved.trajectory)
 
 
@@ -231,7 +231,7 @@ def test_positions_come_in_the_stated_order() -> None:
     assert list(message.data) == moved.command.positions_rad.tolist()[::-1]
 
 
-def test_pepper_is_told_angles_and_a_speed() -> None:
+def test_pepper_gets_angles_and_a_speed() -> None:
     definition = "std_msgs/Header header\nstring[] joint_names\nfloat32[] joint_angles\nfloat32 speed\nuint8 relative"
     types = get_typestore(Stores.ROS2_JAZZY)
     types.register(get_types_from_msg(definition, "naoqi_bridge_msgs/msg/JointAnglesWithSpeed"))

@@ -21,7 +21,7 @@ from test.habits.tree import ROOT
 STEP_NS = 10_000_000
 
 LOGGED = [f"perception {reason}" for reason in ("missing_joint", "not_finite", "zeroed", "out_of_range", "mirrored")]
-"""What cannot be used is also told in the log of the node, with its detail."""
+"""What cannot be used is also reported in the log of the node, with its detail."""
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +38,7 @@ def live_room(tmp_path_factory: pytest.TempPathFactory, ros_domain: int) -> Iter
 
 
 def check_survived(room: Room, fault: Fault) -> None:
-    """Assert that nothing went wrong, and that somebody was there to see it."""
+    """Assert that nothing went wrong, and that a person was there to see it."""
     outcome = tried(room, fault)
     assert outcome.wrong == (), outcome
     # 25 in half a second; while a process stands still there are none.
@@ -54,7 +54,7 @@ def test_a_fault_of_messages_is_survived_and_counted(replayed_room: Room, name: 
 
 
 @pytest.mark.slow
-def test_what_is_not_survived_is_told(replayed_room: Room) -> None:
+def test_what_is_not_survived_is_reported(replayed_room: Room) -> None:
     planted = replace(FAULTS["repetitions"], answer="rests", counted=("perception not_finite",))
     wrong = tried(replayed_room, planted).wrong
     assert wrong[0] == "perception not_finite was not counted"
@@ -63,7 +63,7 @@ def test_what_is_not_survived_is_told(replayed_room: Room) -> None:
 
 
 @pytest.mark.slow
-def test_another_reason_to_stop_is_told(replayed_room: Room) -> None:
+def test_another_reason_to_stop_is_reported(replayed_room: Room) -> None:
     outcome = tried(replayed_room, replace(FAULTS["robot NaN"], counted=("perception not_finite",)))
     assert outcome.wrong == ("perception not_finite was not counted",)
     assert outcome.stopped_by == ("retargeting robot_silent",)
@@ -82,16 +82,16 @@ def turning(rad_s: float, count: int = 130) -> list[Command]:
 
 
 @pytest.mark.parametrize(
-    ("rad_s", "hindered", "told"), [(0.0, True, 1), (0.25, True, 1), (0.25, False, 1), (0.4, True, 0)]
+    ("rad_s", "hindered", "reported"), [(0.0, True, 1), (0.25, True, 1), (0.25, False, 1), (0.4, True, 0)]
 )
-def test_an_arm_that_stays_where_it_is_has_not_given_way(rad_s: float, hindered: bool, told: int) -> None:
+def test_an_arm_that_stays_where_it_is_has_not_given_way(rad_s: float, hindered: bool, reported: int) -> None:
     put_rad = np.array([0.8, *[0.0] * (len(ROBOT.joint_names) - 1)])
     found = list(complaints(FAULTS["pushed"], turning(rad_s), 0.4, put_rad, hindered=hindered))
-    assert found == ["the robot does not go where it was put"] * told
+    assert found == ["the robot does not go where it was put"] * reported
 
 
 @pytest.mark.parametrize(("rad_s", "rests"), [(0.0, True), (0.3, True), (1.0, False)])
-def test_an_arm_that_goes_on_has_not_made_way_for_anybody(rad_s: float, rests: bool) -> None:
+def test_an_arm_that_goes_on_has_not_given_way(rad_s: float, rests: bool) -> None:
     commands = turning(rad_s)
     rest_s = rest_after_s("rests", commands, 0, round(0.5e9), turned_rad(commands[80:]))
     assert rest_s is not None
@@ -142,7 +142,7 @@ def test_commands_inside_the_limits_pass() -> None:
         ("begins at speed", smooth()[:50] + later(smooth()[50:], 400_000_000)),
     ],
 )
-def test_commands_outside_the_limits_are_told(problem: str, commands: list[Command]) -> None:
+def test_commands_outside_the_limits_are_reported(problem: str, commands: list[Command]) -> None:
     assert any(problem in line for line in problems(ROBOT, commands))
 
 

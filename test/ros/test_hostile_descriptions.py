@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A robot description from anybody: within its budgets before anything loads it, and its death is a child's."""
+"""Untrusted robot descriptions: budgets are checked first, and a crash of the loader is a child process's."""
 
 from __future__ import annotations
 

@@ -71,8 +71,8 @@ def window(stamp_ns: int) -> Iterator[tuple[str, Any]]:
 
 
 def command(stamp_ns: int) -> Iterator[tuple[str, Any]]:
-    told = JointCommand(stamp_ns, YUMI.joint_names, YUMI.home_rad, np.zeros(7))
-    yield "joint_command", joint_command_to_msg(told)
+    sent = JointCommand(stamp_ns, YUMI.joint_names, YUMI.home_rad, np.zeros(7))
+    yield "joint_command", joint_command_to_msg(sent)
     yield "stiffness", Float64(data=0.5)
 
 

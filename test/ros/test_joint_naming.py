@@ -15,10 +15,10 @@ OURS, THEIRS = ("a", "b", "c"), ("j2", "j3", "j1")
 
 def test_a_command_has_their_names_and_the_same_values() -> None:
     command = JointCommand(5, OURS, np.arange(3.0), 10.0 * np.arange(3.0))
-    told = joint_naming(OURS, THEIRS).told(command)
-    assert told.joint_names == THEIRS
-    np.testing.assert_array_equal(told.positions_rad, command.positions_rad)
-    assert joint_naming(OURS, ()).told(command) is command
+    renamed = joint_naming(OURS, THEIRS).renamed(command)
+    assert renamed.joint_names == THEIRS
+    np.testing.assert_array_equal(renamed.positions_rad, command.positions_rad)
+    assert joint_naming(OURS, ()).renamed(command) is command
 
 
 def test_a_measurement_is_understood_by_name_and_not_by_place() -> None:

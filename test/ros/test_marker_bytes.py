@@ -62,7 +62,7 @@ def markers(draw: Any) -> Marker:
     )
 
 
-def told(marker: Any) -> tuple[Any, ...]:
+def content(marker: Any) -> tuple[Any, ...]:
     """What a marker says, not-a-number comparable."""
     position, colour, stamp = marker.pose.position, marker.color, marker.header.stamp
     numbers = (position.x, position.y, position.z, colour.r, colour.g, colour.b)
@@ -71,10 +71,12 @@ def told(marker: Any) -> tuple[Any, ...]:
 
 @settings(deadline=None)
 @given(st.lists(markers(), max_size=4))
-def test_bytes_tell_what_rclpy_tells(made: list[Marker]) -> None:
+def test_bytes_are_read_as_by_rclpy(made: list[Marker]) -> None:
     data = serialize_message(MarkerArray(markers=made))
     expected = deserialize_message(data, MarkerArray).markers
-    assert [told(marker) for marker in marker_array_from_bytes(data).markers] == [told(marker) for marker in expected]
+    assert [content(marker) for marker in marker_array_from_bytes(data).markers] == [
+        content(marker) for marker in expected
+    ]
 
 
 @settings(deadline=None)

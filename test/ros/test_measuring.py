@@ -20,7 +20,7 @@ class Stamped:
         self.text = text
 
 
-def test_spread_tells_each_time_once():
+def test_spread_reports_each_time_once():
     spread = Spread()
     assert spread.take_ms() is None
     for value in range(1, 101):
@@ -43,7 +43,7 @@ def test_grid_is_due_once_at_each_point_and_not_between():
     assert [grid.due(time * MS) for time in times] == [True, False, False, True, False, False, False, True, True, False]
 
 
-def test_grid_begins_anew_when_time_goes_back():
+def test_grid_restarts_when_time_goes_back():
     grid = ControlGrid(10 * MS)
     assert [grid.due(time * MS) for time in (100, 110, 3, 12, 13)] == [True, True, True, False, True]
 
@@ -61,7 +61,7 @@ def test_pairs_meet_in_any_order():
     assert singles == []
 
 
-def test_halves_without_a_partner_are_given_up_and_told():
+def test_halves_without_a_partner_are_given_up_and_reported():
     pairs, singles = [], []
     both = StampPairs(lambda left, right: pairs.append(left), singles.append, depth=3)
     for stamp in range(5):

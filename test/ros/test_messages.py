@@ -293,7 +293,7 @@ def test_a_person_arrives_as_sent(sent, watched: bool) -> None:
 
 
 @ROADS
-def test_a_pose_without_anybody_arrives_as_sent(sent) -> None:
+def test_a_pose_without_a_person_arrives_as_sent(sent) -> None:
     unseen = np.full(3, np.nan)
     pose = PersonPose(STAMP_NS, "robot", unseen, unseen, np.full((2, 3), np.nan), watched=False)
     arrived = person_from_msg(sent(person_to_msg(pose)))

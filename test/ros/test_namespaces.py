@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Two people and two robots in one domain: each robot answers its own person, and nobody hears the other."""
+"""Two people and two robots in one domain: each robot responds to its own person only."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def test_two_robots_keep_apart(start: Callable[..., NodeProcess], ros_domain: in
             one.connect(one.states, person.publisher)
 
         def act() -> None:
-            people[0].act()  # nobody stands before the right one
+            people[0].act()  # no person stands before the right one
             for one in around:
                 one.obey()
                 one.probe.spin(0.01)

@@ -104,7 +104,7 @@ def test_a_person_moves_the_robot_and_everybody_can_see_why(
 
     room.live(lambda: room.around.status()[2]["mode"] == "holding", "holding", lambda frame: None)
     room.live(lambda: room.around.commands_reach(YUMI.home_rad), "home again", lambda frame: None)
-    assert room.counted("perception nobody")()
+    assert room.counted("perception no_person")()
     room.around.until_status(WARN, "no skeleton for")
 
 
@@ -112,11 +112,11 @@ def test_a_person_as_a_pose_array_moves_the_robot_too(
     start: Callable[..., NodeProcess], probe: Probe, random_model: Path
 ) -> None:
     room = Room(probe, source=SOURCES["pose_array"].with_joints(BODY_JOINTS, "optical"))
-    told = {"source": "pose_array", "joint_names": BODY_JOINTS, "source_axes": "optical"}
-    start("pipeline", model=random_model, interaction="hand_shake", **told)
+    tracker = {"source": "pose_array", "joint_names": BODY_JOINTS, "source_axes": "optical"}
+    start("pipeline", model=random_model, interaction="hand_shake", **tracker)
     room.around.connect(room.person.publisher, room.around.states)
     room.live(room.moved, "the robot moved")
-    room.live(room.counted("perception nobody"), "nobody counted", lambda frame: None)
+    room.live(room.counted("perception no_person"), "no_person counted", lambda frame: None)
     assert room.around.status()[2]["interaction"] == "hand_shake"
 
 

@@ -67,8 +67,8 @@ def test_of_a_flood_so_many_a_second_are_used_and_the_last_one_is_among_them(hea
     probe.matched(words)
     words.publish(String(data="first"))
     until_taken(probe, heard, "first")
-    begun_s, sent = time.monotonic(), 1
-    while time.monotonic() < begun_s + 1.0:
+    started_s, sent = time.monotonic(), 1
+    while time.monotonic() < started_s + 1.0:
         for _ in range(10):
             words.publish(String(data=str(sent)))
             sent += 1
@@ -76,8 +76,8 @@ def test_of_a_flood_so_many_a_second_are_used_and_the_last_one_is_among_them(hea
     words.publish(String(data="last"))
     until_taken(probe, heard, "last")
     used, dropped, lost = heard.counted()
-    assert used <= KEPT + 1 + PER_S * (time.monotonic() - begun_s)
-    assert used >= 20, "a flood shuts out nobody"
+    assert used <= KEPT + 1 + PER_S * (time.monotonic() - started_s)
+    assert used >= 20, "a flood shuts out no other publisher"
     assert used + dropped + lost == sent + 1
 
 
@@ -101,7 +101,7 @@ def test_what_has_no_place_in_dds_is_lost_and_nothing_else_is(heard: Heard, prob
     assert lost == pytest.approx(120 + 1 - SENSOR.depth, abs=1), "`last` may be taken together with them or after them"
 
 
-def test_of_two_publishers_no_loss_is_told(heard: Heard, probe: Probe) -> None:
+def test_of_two_publishers_no_loss_is_counted(heard: Heard, probe: Probe) -> None:
     words = [probe.node.create_publisher(String, "words", SENSOR) for _ in range(2)]
     probe.until(lambda: heard.node.count_publishers("words") == 2, "both")
     for number in range(200):

@@ -50,7 +50,7 @@ def test_a_bag_is_played_as_asked(start: Callable[..., NodeProcess], probe: Prob
     node = start("replay", "-r", "skeleton:=/tracker", bag=bag, **asked)
     assert probe.call(SetBool, "/replay/pause", SetBool.Request(data=False)).success
     probe.until(lambda: len(skeletons) > 50, "two laps and a half")
-    assert "/joint_command" not in dict(probe.node.get_topic_names_and_types()), "nobody asked to command a robot"
+    assert "/joint_command" not in dict(probe.node.get_topic_names_and_types()), "commands were not asked for"
     lap = list(range(COUNT // 2, COUNT))
     numbers = [message.markers[0].id for message in skeletons]
     assert numbers == list(itertools.islice(itertools.cycle(lap), len(numbers))), "from the first on, none is lost"
@@ -61,8 +61,8 @@ def test_a_bag_is_played_as_asked(start: Callable[..., NodeProcess], probe: Prob
     ticks = np.array([ns_from_msg(clock.clock) for clock in clocks])
     assert ticks[0] == START_NS + COUNT // 2 * STEP_NS
     assert set(np.diff(ticks[:90])) == {10_000_000}
-    assert np.any(np.diff(ticks) < 0), "time begins anew with each lap"
+    assert np.any(np.diff(ticks) < 0), "time starts again with each lap"
     assert probe.call(SetBool, "/replay/pause", SetBool.Request(data=True)).success
-    assert node.stop(signal.SIGINT) == 0, "a loop ends when it is told to"
+    assert node.stop(signal.SIGINT) == 0, "a loop ends on SIGINT"
     assert "/tf is not sent: the type tf2_msgs/msg/TFMessage is not installed here" in node.output()
     assert f"{COUNT} messages of types that are not installed here left out (/tf)" in node.output()

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.slow
 
 
 class Motions(Surroundings):
-    """The surroundings of retargeting: somebody infers motions."""
+    """The surroundings of retargeting: motions are published."""
 
     def __init__(self, probe: Probe) -> None:
         super().__init__(probe, "retargeting")
@@ -85,7 +85,7 @@ def test_it_follows_and_holds_and_goes_home(start: Callable[..., NodeProcess], b
     start("retargeting", home_after_s=2.0, stale_after_s=0.3, home_velocity_rad_s=2.0, report_handled=True)
     bench.connect()
     bench.until_status(WARN, "waiting for joint_states")
-    assert bench.commands == [], "nobody has said where the robot is"
+    assert bench.commands == [], "the robot's place is unknown"
     bench.measure()
     bench.probe.until(lambda: len(bench.commands) > 10, "commands")
     np.testing.assert_array_equal(bench.commands[0].position, YUMI.home_rad)
@@ -130,7 +130,7 @@ def test_the_operator_is_obeyed(start: Callable[..., NodeProcess], bench: Motion
     assert bench.status()[2]["joint_command count"] == count, "a disabled node sends nothing"
 
 
-def test_it_stops_when_somebody_else_commands(start: Callable[..., NodeProcess], bench: Motions) -> None:
+def test_it_stops_when_another_node_commands(start: Callable[..., NodeProcess], bench: Motions) -> None:
     node = start("retargeting")
     bench.connect()
     bench.measure()
@@ -175,7 +175,7 @@ def test_bad_input_is_counted_by_its_reason(start: Callable[..., NodeProcess], b
     bench.connect()
     bench.measure(np.full(7, np.nan))
     bench.states.publish(JointState(name=["a"], position=[0.0, 1.0]))
-    bench.states.publish(JointState(name=["somebody_else"], position=[0.0]))
+    bench.states.publish(JointState(name=["another_joint"], position=[0.0]))
     bench.measure(YUMI.upper_rad + 1.0)
     bench.until_counted(
         "retargeting not_finite", "messages wrong_layout", "retargeting joints_missing", "retargeting outside_limits"

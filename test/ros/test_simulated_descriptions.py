@@ -72,7 +72,7 @@ def test_an_arm_of_any_description_stands_and_goes_where_it_is_sent(tmp_path: Pa
 @pytest.mark.parametrize(
     ("name", "said"), [("no effort", "say no effort"), ("less effort than it weighs", "less effort")]
 )
-def test_a_force_that_is_assumed_is_told(
+def test_a_force_that_is_assumed_is_reported(
     tmp_path: Path, name: str, said: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     robot = make_robot(str(written(tmp_path, ARMS[name])))
@@ -113,7 +113,7 @@ def test_a_window_without_a_display_is_one_line(monkeypatch: pytest.MonkeyPatch,
     assert "\n" not in str(refused.value)
 
 
-def test_a_base_that_is_not_there_is_told_with_the_users_file(tmp_path: Path) -> None:
+def test_a_base_that_is_not_there_is_reported_with_the_users_file(tmp_path: Path) -> None:
     path = tmp_path / "theirs.urdf"
     path.write_text(YUMI.urdf_path.read_text().replace('"yumi_base_link"', '"world"'))
     with pytest.raises(SetupError) as refused:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The simulation node over real DDS: a robot that says where it is from the start and does what it is told."""
+"""The simulation node over real DDS: a robot that says where it is from the start and follows its commands."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def where(message: JointState) -> np.ndarray:
     return np.array([places[name] for name in YUMI.joint_names])
 
 
-def test_it_stands_at_home_and_goes_where_it_is_told(start: Callable[..., NodeProcess], probe: Probe) -> None:
+def test_it_stands_at_home_and_goes_where_it_is_commanded(start: Callable[..., NodeProcess], probe: Probe) -> None:
     around = Surroundings(probe, "simulation")
     states = probe.listen(JointState, "joint_states")
     pictures = probe.listen(Image, "camera/image_raw")
@@ -49,11 +49,11 @@ def test_it_stands_at_home_and_goes_where_it_is_told(start: Callable[..., NodePr
 
     target = YUMI.home_rad + 0.2
 
-    def told() -> bool:
+    def arrived() -> bool:
         orders.publish(joint_command_to_msg(JointCommand(probe.now_ns(), YUMI.joint_names, target, np.zeros(7))))
         return np.allclose(where(states[-1]), target, rtol=0.0, atol=np.deg2rad(0.5))
 
-    probe.until(told, "the target reached")
+    probe.until(arrived, "the target reached")
     stamps = [ns_from_msg(message.header.stamp) for message in states]
     assert np.all(np.diff(stamps) > 0)
 

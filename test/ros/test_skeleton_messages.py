@@ -63,7 +63,7 @@ def test_two_people_travel_as_markers(sent) -> None:
 
 
 @ROADS
-def test_nobody_is_an_empty_message(sent) -> None:
+def test_no_person_is_an_empty_message(sent) -> None:
     assert people_from_msg(sent(MarkerArray()), AZURE, NOW_NS) == ()
     assert people_from_msg(sent(PoseArray()), SOURCES["pose_array"].with_joints(("right_hand",)), NOW_NS) == ()
 

@@ -127,8 +127,8 @@ def test_bodies_that_are_no_longer_listed_are_gone() -> None:
     for frame in frames[:10]:
         found = [read[topic](message, 0) for topic, message in driver.messages(frame)]
     assert found[-1] is not None
-    nobody = received(foreign("hri_msgs/msg/IdsList", header=header(frames[10].stamp_ns, ""), ids=[]))
-    assert read["/humans/bodies/tracked"](nobody, 0) == ()
+    empty = received(foreign("hri_msgs/msg/IdsList", header=header(frames[10].stamp_ns, ""), ids=[]))
+    assert read["/humans/bodies/tracked"](empty, 0) == ()
     still_moving = [(topic, message) for topic, message in driver.messages(frames[11]) if topic == "/tf"]
     assert [read[topic](message, 0) for topic, message in still_moving] == [None, None]
 

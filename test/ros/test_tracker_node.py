@@ -36,7 +36,7 @@ def acting(probe: Probe, driver: str, publish: Callable[[str, Any], None]) -> Ac
         due = (probe.now_ns() - start_ns) // period_ns
         if due > sent[0]:
             sent[0] = due
-            alive = still.positions_m + 1e-6 * (due % 7)  # nobody is still to the bit
+            alive = still.positions_m + 1e-6 * (due % 7)  # no person is still to the bit
             frame: SkeletonFrame = replace(still, stamp_ns=start_ns + due * period_ns, positions_m=alive)
             for topic, message in DRIVERS[driver].messages(frame):
                 publish(topic, message)
@@ -56,7 +56,7 @@ def test_a_tracker_that_was_not_set_is_named_at_once(start: Callable[..., NodePr
     around = Surroundings(probe, "perception")
     around.connect()
     elsewhere = probe.node.create_publisher(MarkerArray, "/k4a/body_tracking_data", qos_profile_sensor_data)
-    around.until_status(WARN, "nobody publishes /skeleton (visualization_msgs/msg/MarkerArray): remap it, e.g. -r")
+    around.until_status(WARN, "no publisher on /skeleton (visualization_msgs/msg/MarkerArray): remap it, e.g. -r")
     assert "-r skeleton:=/k4a/body_tracking_data" in around.status()[1]
     probe.node.destroy_publisher(elsewhere)
 
@@ -68,7 +68,7 @@ def test_a_tracker_that_was_not_set_is_named_at_once(start: Callable[..., NodePr
     skeletons = probe.node.create_publisher(MarkerArray, "skeleton", qos_profile_sensor_data)
     probe.matched(skeletons)
     nuitrack = acting(probe, "nuitrack", lambda _, message: skeletons.publish(message))
-    told = list(
+    lines = list(
         reports_until(
             around,
             "/skeleton brings markers 0 to 26 in frame 'camera_color_optical_frame', but azure_kinect has 0 to 31 "
@@ -76,8 +76,8 @@ def test_a_tracker_that_was_not_set_is_named_at_once(start: Callable[..., NodePr
             nuitrack,
         )
     )
-    with_messages = [line for line in told if "no skeleton" not in line and "nobody publishes" not in line]
-    assert len(with_messages) <= 2, told  # a report a second: within two of them
+    with_messages = [line for line in lines if "no skeleton" not in line and "no publisher on" not in line]
+    assert len(with_messages) <= 2, lines  # a report a second: within two of them
     around.until_status(OK, "accepted", acting(probe, "azure_kinect", lambda _, message: skeletons.publish(message)))
     assert node.output().count("set source to nuitrack") >= 1
 
@@ -95,7 +95,7 @@ def test_another_robots_tracker_is_not_offered(start: Callable[..., NodeProcess]
         start("perception", "-r", "__ns:=/right")
         around = Surroundings(probe, "right/perception")
         around.connect()
-        around.until_status(WARN, "nobody publishes /right/skeleton (visualization_msgs/msg/MarkerArray): start the")
+        around.until_status(WARN, "no publisher on /right/skeleton (visualization_msgs/msg/MarkerArray): start the")
         assert "left" not in around.status()[1]
         free = probe.node.create_publisher(MarkerArray, "/camera_right/bodies", qos_profile_sensor_data)
         around.until_status(WARN, "remap it, e.g. -r skeleton:=/camera_right/bodies")

@@ -21,7 +21,7 @@ SEPARATOR, PATIENCE_S = "\x1f", 180
 
 
 def cannot_be_made() -> str:
-    """Why this machine lets nobody make such machines; "" when it does."""
+    """Why such machines cannot be made here; "" when it does."""
     for tool in ("unshare", "nsenter", "ip"):
         if shutil.which(tool) is None:
             return f"there is no {tool} here"

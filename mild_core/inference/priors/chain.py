@@ -15,7 +15,7 @@ from mild_core.shapes import FloatArray, read_only, require_shape
 
 
 @dataclass(frozen=True, eq=False)
-class Chain:
+class SemiMarkovChain:
     """A semi-Markov chain over K components. With D = 1 it is a Markov chain; with equal rows too, a mixture.
 
     Attributes:
@@ -89,7 +89,7 @@ def normalise_rows(counts: FloatArray, otherwise: FloatArray) -> FloatArray:
     return result
 
 
-def expect(chain: Chain, log_emissions: FloatArray, lengths: Sequence[int]) -> ChainExpectation:
+def expect(chain: SemiMarkovChain, log_emissions: FloatArray, lengths: Sequence[int]) -> ChainExpectation:
     """Forward-backward over each demonstration on its own: no segment runs from one into the next.
 
     Args:
@@ -128,7 +128,7 @@ class ForwardPass:
 
 
 def run_filter(
-    chain: Chain, log_emissions: FloatArray, memory: FloatArray | None = None, restart: float = 0.0
+    chain: SemiMarkovChain, log_emissions: FloatArray, memory: FloatArray | None = None, restart: float = 0.0
 ) -> ForwardPass:
     """Filter frames with log-densities (T, K), on from `memory` (K, D), changed in place, or from the start."""
     first = memory is None
@@ -141,7 +141,7 @@ def run_filter(
     return ForwardPass(memory, weights, log_likelihoods)
 
 
-def component_probabilities(chain: Chain, frames: int) -> FloatArray:
+def component_probabilities(chain: SemiMarkovChain, frames: int) -> FloatArray:
     """(T, K) probability of each component at each frame when nothing is observed.
 
     Source: the forward variable without observations of eq. 9.

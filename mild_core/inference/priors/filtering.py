@@ -221,9 +221,9 @@ def filter_frames(
         memory: (K, D) belief over component and remaining time, changed in place; zero before the first frame.
         first: Whether the first frame is the first of all, so that the chain starts there.
         chain: Start probabilities (K,), transitions (K, K), durations (K, D); column 0 is a duration of one frame.
-        restart: Probability, per frame, that the chain starts anew in any component. 0 is the model as fitted.
+        restart: Probability, per frame, that the chain restarts in any component. 0 is the model as fitted.
         lowest: Online `UNDERFLOW`: a frame less likely under every reachable component is passed over as
-            unobserved, and its log-likelihood, at most this, tells so. Minus infinity passes nothing over.
+            unobserved, if its log-likelihood is at most this. Minus infinity passes nothing over.
         weights: (T, K) filled with the belief after each frame.
         log_likelihoods: (T,) filled with log p(frame | frames before).
         events: Three (T, K) filled for the backward pass: probability that a segment starts at the frame, before it

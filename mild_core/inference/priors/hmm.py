@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from mild_core.inference.priors.chain import Chain, ChainCounts, normalise_rows
+from mild_core.inference.priors.chain import ChainCounts, SemiMarkovChain, normalise_rows
 from mild_core.inference.priors.prior import FitSettings, Prior
 
 
@@ -23,13 +23,13 @@ class HMM(Prior):
     kind: ClassVar[str] = "hmm"
 
     @staticmethod
-    def check_chain(chain: Chain) -> None:
+    def check_chain(chain: SemiMarkovChain) -> None:
         """Raise ValueError when segments last longer than a frame: staying is a transition here."""
         if chain.longest != 1:
             raise ValueError(f"an HMM has durations of one frame, not of up to {chain.longest}")
 
     @staticmethod
-    def first_chain(components: int, lengths: Sequence[int], settings: FitSettings) -> Chain:
+    def first_chain(components: int, lengths: Sequence[int], settings: FitSettings) -> SemiMarkovChain:
         """Stay as long as the equal cuts last on average; then mostly on to the next, from the last to the first."""
         leave = min(1.0, components / float(np.mean(lengths))) if components > 1 else 0.0
         transitions = np.full((components, components), 0.1 * leave / max(components - 1, 1))
@@ -38,13 +38,13 @@ class HMM(Prior):
         np.fill_diagonal(transitions, 1.0 - transitions.sum(axis=1))
         initial = np.full(components, 0.1 / components)
         initial[0] += 0.9
-        return Chain(initial, transitions, np.ones((components, 1)))
+        return SemiMarkovChain(initial, transitions, np.ones((components, 1)))
 
     @staticmethod
-    def estimate_chain(previous: Chain, counts: ChainCounts, settings: FitSettings) -> Chain:
+    def estimate_chain(previous: SemiMarkovChain, counts: ChainCounts, settings: FitSettings) -> SemiMarkovChain:
         """Counts, kept from zero by what `settings` counts as seen before."""
         share = settings.pseudo_count / previous.components
-        return Chain(
+        return SemiMarkovChain(
             normalise_rows(counts.initial + share, previous.initial),
             normalise_rows(counts.transitions + share, previous.transitions),
             previous.durations,

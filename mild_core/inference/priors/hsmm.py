@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from mild_core.inference.priors.chain import Chain, ChainCounts, normalise_rows
+from mild_core.inference.priors.chain import ChainCounts, SemiMarkovChain, normalise_rows
 from mild_core.inference.priors.prior import FitSettings, Prior
 from mild_core.shapes import FloatArray
 
@@ -27,13 +27,13 @@ class HSMM(Prior):
     kind: ClassVar[str] = "hsmm"
 
     @staticmethod
-    def check_chain(chain: Chain) -> None:
+    def check_chain(chain: SemiMarkovChain) -> None:
         """Raise ValueError when a component follows itself, except when it is alone."""
         if chain.components > 1 and np.diagonal(chain.transitions).any():
             raise ValueError("transitions of an HSMM have a zero diagonal: durations say how long a component stays")
 
     @staticmethod
-    def first_chain(components: int, lengths: Sequence[int], settings: FitSettings) -> Chain:
+    def first_chain(components: int, lengths: Sequence[int], settings: FitSettings) -> SemiMarkovChain:
         """Durations around the equal cuts, up to twice the longest one; mostly one component after the other."""
         cuts = np.asarray(lengths) / components
         longest = max(2, int(np.ceil(2.0 * cuts.max())))
@@ -43,10 +43,10 @@ class HSMM(Prior):
         )
         initial = np.full(components, 0.1 / components)
         initial[0] += 0.9
-        return Chain(initial, _cyclic(components), np.repeat(row, components, axis=0))
+        return SemiMarkovChain(initial, _cyclic(components), np.repeat(row, components, axis=0))
 
     @staticmethod
-    def estimate_chain(previous: Chain, counts: ChainCounts, settings: FitSettings) -> Chain:
+    def estimate_chain(previous: SemiMarkovChain, counts: ChainCounts, settings: FitSettings) -> SemiMarkovChain:
         """Counts, kept from zero by what `settings` counts as seen before; durations with a proper spread."""
         components = previous.components
         initial = counts.initial + settings.pseudo_count / components
@@ -57,7 +57,7 @@ class HSMM(Prior):
             floor = settings.duration_floor
             uniform = 1.0 / previous.longest
             durations = (1.0 - floor) * normalise_rows(counts.durations, previous.durations) + floor * uniform
-        return Chain(
+        return SemiMarkovChain(
             normalise_rows(initial, previous.initial), normalise_rows(transitions, previous.transitions), durations
         )
 

@@ -2,8 +2,9 @@
 """Eight numbers at once in compiled functions, one for each of eight demonstrations.
 
 numba leaves it to LLVM whether a loop over an array's last axis becomes vector instructions, and for eight numbers it
-does not. Here it is told: `load` takes the last axis of an array as one value, with which `+`, `*` and `/` calculate in
-each lane for itself, and `store` puts it back. A number beside such a value stands for eight of it.
+does not. Here vector instructions are requested explicitly: `load` takes the last axis of an array as one value, with
+which `+`, `*` and `/` calculate in each lane for itself, and `store` puts it back. A number beside such a value stands
+for eight of it.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ VECTOR = ir.VectorType(ir.DoubleType(), LANES)
 
 
 def instruction(typed: Callable[..., Any]) -> Callable[..., Any]:
-    """Let compiled functions call what `typed` tells of: its types, and how LLVM is told to do it."""
+    """Let compiled functions call the intrinsic that `typed` declares: its types and its LLVM code."""
     return cast(Callable[..., Any], intrinsic(typed))
 
 

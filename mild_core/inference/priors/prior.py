@@ -17,9 +17,9 @@ import numpy as np
 from mild_core.inference.gaussian import Gaussian, mixture_moments
 from mild_core.inference.priors.belief import Belief, Explanation, Filtered
 from mild_core.inference.priors.chain import (
-    Chain,
     ChainCounts,
     ChainExpectation,
+    SemiMarkovChain,
     component_probabilities,
     expect,
     run_filter,
@@ -73,7 +73,7 @@ class Prior(ABC):
         chain: Their order and durations.
         phases: (K,) mean time of each component in a demonstration, from 0 (its start) to 1 (its end).
         observed_size: Q.
-        restart: Probability per frame, in the online filter only, that the chain starts anew in any component. It
+        restart: Probability per frame, in the online filter only, that the chain restarts in any component. It
             guards against locking into a wrong phase of a periodic motion; 0 is the model as fitted.
 
     Raises:
@@ -81,7 +81,7 @@ class Prior(ABC):
     """
 
     components: Gaussian
-    chain: Chain
+    chain: SemiMarkovChain
     phases: FloatArray
     observed_size: int
     restart: float = 0.0
@@ -100,17 +100,17 @@ class Prior(ABC):
 
     @staticmethod
     @abstractmethod
-    def check_chain(chain: Chain) -> None:
+    def check_chain(chain: SemiMarkovChain) -> None:
         """Raise ValueError unless `chain` is one of this kind."""
 
     @staticmethod
     @abstractmethod
-    def first_chain(components: int, lengths: Sequence[int], settings: FitSettings) -> Chain:
+    def first_chain(components: int, lengths: Sequence[int], settings: FitSettings) -> SemiMarkovChain:
         """The chain to start from when each demonstration is cut into K equal parts."""
 
     @staticmethod
     @abstractmethod
-    def estimate_chain(previous: Chain, counts: ChainCounts, settings: FitSettings) -> Chain:
+    def estimate_chain(previous: SemiMarkovChain, counts: ChainCounts, settings: FitSettings) -> SemiMarkovChain:
         """The M-step of the chain."""
 
     @classmethod
@@ -147,7 +147,7 @@ class Prior(ABC):
             KeyError: When an array is missing.
             ValueError: When the arrays do not make a prior of this kind.
         """
-        chain = Chain(arrays["initial"], arrays["transitions"], arrays["durations"])
+        chain = SemiMarkovChain(arrays["initial"], arrays["transitions"], arrays["durations"])
         return cls(Gaussian(arrays["means"], arrays["covariances"]), chain, arrays["phases"], observed_size, restart)
 
     def to_arrays(self) -> dict[str, FloatArray]:

@@ -46,7 +46,7 @@ def reach_frames(
     emissions: FloatArray,
     totals: FloatArray,
 ) -> None:
-    """Weigh frame `t` anew where what explains it best cannot be behind it, and hides what can."""
+    """Reweigh frame `t` where what explains it best cannot be behind it, and hides what can."""
     for lane in range(LANES):
         if totals[lane] < UNREACHABLE:
             n = lanes[lane, 0] + min(t, lanes[lane, 1] - 1)

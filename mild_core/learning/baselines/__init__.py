@@ -9,7 +9,7 @@ from mild_core.learning.baselines.buetepage import BUETEPAGE
 from mild_core.learning.baselines.gru import GRU
 from mild_core.learning.baselines.kernel_ridge import KERNEL_RIDGE
 from mild_core.learning.baselines.mild_paper import MILD_PAPER
-from mild_core.learning.baselines.mixture_density import MIXTURE_DENSITY, MIXTURE_DENSITY_TOLD
+from mild_core.learning.baselines.mixture_density import MIXTURE_DENSITY, MIXTURE_DENSITY_GIVEN
 from mild_core.learning.baselines.nearest_neighbours import NEAREST_NEIGHBOURS
 from mild_core.learning.baselines.ridge import RIDGE
 from mild_core.learning.baselines.time_indexed_mean import TIME_INDEXED_MEAN
@@ -17,7 +17,7 @@ from mild_core.learning.baselines.time_indexed_mean import TIME_INDEXED_MEAN
 BASELINES: dict[str, Baseline] = {
     baseline.name: baseline
     for baseline in (
-        *(MILD_PAPER, BUETEPAGE, MIXTURE_DENSITY, MIXTURE_DENSITY_TOLD, GRU),
+        *(MILD_PAPER, BUETEPAGE, MIXTURE_DENSITY, MIXTURE_DENSITY_GIVEN, GRU),
         *(KERNEL_RIDGE, RIDGE, NEAREST_NEIGHBOURS, TIME_INDEXED_MEAN, ACTION_MEAN),
     )
 }

@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from mild_core.learning.baseline import Baseline, by_interaction
 from mild_core.learning.baselines.ridge import Regression
 from mild_core.learning.demonstration import Demonstration
-from mild_core.learning.kernels import Grid, fit_chosen, gaussian
+from mild_core.learning.kernels import SearchGrid, fit_chosen, gaussian
 from mild_core.learning.windows import Protocol
 
-GRID = Grid(widths=(0.03, 0.1, 0.3, 1.0, 3.0), penalties=(0.1, 0.3, 1.0, 3.0, 10.0))
+GRID = SearchGrid(widths=(0.03, 0.1, 0.3, 1.0, 3.0), penalties=(0.1, 0.3, 1.0, 3.0, 10.0))
 
 
 def fit(demonstrations: Sequence[Demonstration], protocol: Protocol, seed: int) -> Regression:

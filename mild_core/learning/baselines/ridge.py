@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 from mild_core.learning.baseline import Baseline, by_interaction
 from mild_core.learning.demonstration import Demonstration
-from mild_core.learning.kernels import Grid, KernelMachine, fit_chosen, linear
+from mild_core.learning.kernels import KernelMachine, SearchGrid, fit_chosen, linear
 from mild_core.learning.windows import Protocol, cut
 from mild_core.shapes import FloatArray
 
-GRID = Grid(widths=(1.0,), penalties=(1.0, 10.0, 100.0, 1000.0, 10000.0))
+GRID = SearchGrid(widths=(1.0,), penalties=(1.0, 10.0, 100.0, 1000.0, 10000.0))
 
 
 @dataclass(frozen=True, eq=False)

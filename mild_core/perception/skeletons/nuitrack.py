@@ -3,7 +3,7 @@
 
 Source: `nuitrack_node.py` and `utils/nuitrack.py` of github souljaboy764/mild_hri_ros: namespace `nuitrack_skeleton`,
 ids 0 to 13 are the SDK's joints 1 to 14 without fingertips, 14 to 26 are line strips; metres, y turned downwards, in
-the colour camera's optical frame. Nothing is published while nobody is seen, and a joint that Nuitrack lost stays
+the colour camera's optical frame. Nothing is published while no person is seen, and a joint that Nuitrack lost stays
 where it was: its confidence does not travel.
 """
 

@@ -45,7 +45,7 @@ class SkeletonSource:
         formats: Several `joint_ids`, for messages that say by number which of them they follow.
         other_ids: Numbers that belong to a message but to no joint that is used: lines, labels, toes.
         ids_per_person: The person's number is the message's id divided by this; 0 when a message holds one person
-            and numbers nobody, or numbers people by itself.
+            and gives no person numbers, or numbers people by itself.
         confidence_of_colour: Confidence by (red, green, blue), for drivers that paint it; a person all in one
             colour says nothing, as drivers also paint each person in a colour.
         places: Joint to its own topics or tf frames, for trackers with one each; the first of a joint's that is there
@@ -75,7 +75,7 @@ class SkeletonSource:
 
         Args:
             joint_names: A name of `JOINTS` for each place of the message; "" for a place to pass over.
-            axes: Where the positions' axes point; some drivers can be told to turn them.
+            axes: Where the positions' axes point; some drivers can be configured to turn them.
             places: Topic or tf frame of each of `joint_names`, for trackers with one each; empty for their own names.
 
         Raises:

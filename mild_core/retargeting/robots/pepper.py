@@ -46,7 +46,7 @@ def mirrored(name: str, position: float) -> float:
 
 
 CONTROLLED = ARM[:4]
-"""What a person's shoulder, elbow and hand tell; wrist and fingers rest, straight and open."""
+"""Joints that follow from a person's shoulder, elbow and hand; wrist and fingers rest, straight and open."""
 
 PEPPER = RobotModel(
     name="pepper",

@@ -54,17 +54,17 @@ def _legend() -> list[Line2D]:
     return [
         Line2D([], [], color=GREY, lw=1.0, label="95 % over draws of trials"),
         Line2D([], [], color=GREY, lw=3.5, alpha=0.45, label="± a deviation over seeds"),
-        Line2D([], [], color=VERMILION, lw=0.8, ls=BAR_DASHES, label=f"{spoken(BAR)}, told"),
+        Line2D([], [], color=VERMILION, lw=0.8, ls=BAR_DASHES, label=f"{spoken(BAR)}, given"),
     ]
 
 
 LABELS = {
-    "given": "told",
+    "given": "given",
     "recognised": "recognising",
-    "unknown": "not told",
-    "given, start pose": "told, start pose",
+    "unknown": "not given",
+    "given, start pose": "given, start pose",
 }
-"""What a method knows, by what `cross_validation` says that it was told."""
+"""What a method knows, by its labels in `cross_validation`."""
 
 
 def _name(row: Mapping[str, Any]) -> str:

@@ -32,7 +32,7 @@ class ShownMovement:
         onset_s: When the hand leaves its rest.
         back_s: When both rest again.
         end_s: Of the trial.
-        interaction: What it shows; "" when nobody said.
+        interaction: What it shows; "" when unlabelled.
         fault: Why it is left out; "" for a trial.
         number: What people call it; 0 for nothing.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The look that all figures share: column widths of a paper, colours that everybody can tell apart, thin axes."""
+"""The style of all figures: column widths of a paper, colours for any colour vision, thin axes."""
 
 from __future__ import annotations
 

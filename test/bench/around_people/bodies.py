@@ -38,7 +38,7 @@ LOWER_JOINTS = (
 )
 
 GROUPS = ("head", "trunk", "left_arm", "right_arm", "legs")
-"""What distances are judged to; a forearm with its hand is told apart from the upper arm by `Capsule.outer`."""
+"""What distances are judged to; a forearm with its hand is distinguished from the upper arm by `Capsule.outer`."""
 
 
 def mirrored(arm: Arm) -> Arm:
@@ -165,7 +165,7 @@ def capsules_of(sizes: Sizes) -> tuple[Capsule, ...]:
 
 @dataclass(frozen=True, eq=False)
 class Person:
-    """Somebody who moves.
+    """A person who moves.
 
     Attributes:
         sizes: Of the body.

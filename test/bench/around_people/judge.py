@@ -3,7 +3,7 @@
 
 The robot is where it is commanded to be. Its shapes are those of its description, collision and visual alike, of the
 links that the commanded joints move from their place: a shoulder that the first of them turns on the spot can give way
-to nobody, like the trunk that it is part of. Kinematics, distances and speeds are PyBullet's, nothing is the package's
+to no one, like the trunk that it is part of. Kinematics, distances and speeds are PyBullet's, nothing is the package's
 own.
 """
 
@@ -30,10 +30,10 @@ from test.bench.braking import SHARE, braking_joints
 
 NEAR_M, SPEED_M_S = 0.3, 0.8
 BANDS_M = (0.1, 0.15, 0.25, 0.3)
-"""Upper ends of the bands of distance in which speeds are told."""
+"""Upper ends of the bands of distance in which speeds are reported."""
 
 TOWARDS_M_S = 0.03
-"""A slower motion towards somebody, beyond what is allowed, is none."""
+"""A slower motion towards a person beyond the allowed speed is ignored."""
 
 STILL_M_S, STILL_FOR_S = 0.05, 0.3
 """A body that has moved no faster than this for so long is still."""
@@ -279,7 +279,7 @@ class _Crowd:
         ends: ... and the other ...
         start_speeds: (N, C, 3) ... with their velocities ...
         end_speeds: ...
-        known_start_speeds: ... and those that a tracker can have told by then.
+        known_start_speeds: ... and those that a tracker can have reported by then.
         known_end_speeds: ...
         still: (N, C) whether it stands still.
     """
@@ -621,12 +621,12 @@ def broken_limits(robot: str, run: Run) -> list[str]:
     acceleration = np.diff(run.velocities_rad_s, axis=0) / np.maximum(steps, 1e-9)[:, None]
     jerk = np.diff(acceleration, axis=0) / np.maximum(0.5 * (steps[1:] + steps[:-1]), 1e-9)[:, None]
     usable = ~paused
-    # Rounding of 1e-16 rad in a step of microseconds is no motion: steps shorter than 0.1 ms tell nothing.
+    # Rounding of 1e-16 rad in a step of microseconds is no motion: steps shorter than 0.1 ms are ignored.
     usable &= steps > 1e-4
     pairs = usable[1:] & usable[:-1]
     for name, values, limit, judged in (
         ("velocity", mean, model.velocity_rad_s, usable),
-        ("velocity told", run.velocities_rad_s[1:], model.velocity_rad_s, usable),
+        ("velocity sent", run.velocities_rad_s[1:], model.velocity_rad_s, usable),
         ("acceleration", acceleration, model.acceleration_rad_s2, usable),
         ("jerk", jerk, model.jerk_rad_s3, pairs),
     ):

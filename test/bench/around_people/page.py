@@ -58,7 +58,7 @@ CLAIMS = (
     Claim("It keeps 5 cm from all of the watched person but the forearm and hand they offer.", "distance", WATCHED),
     Claim("It makes way for a body part that comes towards it at up to 0.6 m/s.", "distance", COMING),
     Claim("A head or hips that the tracker does not see are kept away from too.", "distance", UNSEEN),
-    Claim("Without a measured camera the arm touches nobody.", "distance", ("place_unmeasured",)),
+    Claim("Without a measured camera the arm touches no person.", "distance", ("place_unmeasured",)),
     Claim("All of this holds with a worse tracker.", "distance", WORSE),
     Claim(f"No point of the arm is faster than {SPEED_M_S:g} m/s within 0.3 m of a body that stands still.", "speed"),
     Claim(
@@ -66,7 +66,7 @@ CLAIMS = (
         "arm brakes at its limits.",
         "towards",
     ),
-    Claim("A person who greets somebody else, scratches or points does not start the arm.", "start", IDLE),
+    Claim("A person who greets another person, scratches or points does not start the arm.", "start", IDLE),
     Claim("A greeting starts the arm, at most 0.3 s later than without asking for evidence.", "start", GREETINGS),
     Claim("Hands that are meant to touch do.", "contact", GREETINGS + WORSE),
     Claim("Commands keep the limits of position, velocity, acceleration and jerk.", "limits"),

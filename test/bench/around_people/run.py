@@ -58,7 +58,7 @@ class Expectation:
 
     Attributes:
         keep_m: Distance from head and trunk and all that is not offered, less the tracker's noise; None where people
-            move into the arm faster than it can make way: then it is only told.
+            move into the arm faster than it can make way: then it is only reported.
         starts: `wanted`, `unwanted` or `any`.
         touches: Whether hands meet.
     """
@@ -171,7 +171,7 @@ def messages(setting: Setting, rng: np.random.Generator) -> list[tuple[int, tupl
 
 @dataclass(frozen=True, eq=False)
 class ScriptedMotions:
-    """Motions of anybody's making in place of the learned ones: what a wrong model may ask for."""
+    """Arbitrary motions in place of the learned ones: what a wrong model may ask for."""
 
     inner: Any
     joint_names: tuple[str, ...]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The scenes in which the robot is judged: what people do around it, drawn anew for every seed.
+"""The scenes in which the robot is judged: what people do around it, redrawn for every seed.
 
 The watched person stands before YuMi where people stood before it in the model's recordings, or near that place; the
 hands of a handshake meet at about x 0.7, y -0.15, z 0.3 m in the robot's base frame, its own hand waits at
@@ -112,7 +112,7 @@ def gesture(name: str, rng: Rng, start_s: float = START_S, side: str = "right") 
 def standing(
     rng: Rng, shoulder: tuple[float, float, float], stature_m: float | None = None, near_m: float = 0.0
 ) -> tuple[Sizes, Path]:
-    """Somebody whose right shoulder is about there, facing the robot."""
+    """A person whose right shoulder is about there, facing the robot."""
     sizes = Sizes(stature_m or rng.uniform(1.6, 1.9), rng.uniform(0.95, 1.1))
     x, y = shoulder[0] - near_m + rng.normal(0.0, 0.015), shoulder[1] + rng.normal(0.0, 0.015)
     return sizes, path((0.0, (x, y - sizes.length(0.1055), FACING_ROBOT)))
@@ -129,7 +129,7 @@ def greeter(rng: Rng, name: str = "handshake", **changes: Any) -> tuple[Person, 
 
 
 def bystander(rng: Rng, x: float, y: float, yaw: float, stature_m: float | None = None, **changes: Any) -> Person:
-    """Somebody else who stands there."""
+    """Another person who stands there."""
     sizes = Sizes(stature_m or rng.uniform(1.55, 1.9), rng.uniform(0.95, 1.1))
     return replace(Person(sizes, path((0.0, (x, y, yaw))), floor_m=FLOOR_M, number=lambda _: 2), **changes)
 
@@ -164,7 +164,7 @@ def stepping(person: Person, *steps: tuple[float, float, float, float]) -> Perso
 
 
 def at_work(rng: Rng) -> tuple[Person, float]:
-    """A greeter for scenes of which somebody else is the subject: handshake or parachute."""
+    """A greeter for scenes whose subject is another person: handshake or parachute."""
     return greeter(rng, ("handshake", "parachute", "handshake", "rocket")[rng.integers(4)])
 
 
@@ -218,7 +218,7 @@ def left_arm(rng: Rng) -> Setting:
 # Others around.
 
 
-@scene("During a greeting somebody crosses between the two, at 0.3 to 0.9 m/s.", quick=True)
+@scene("During a greeting a bystander crosses between the two, at 0.3 to 0.9 m/s.", quick=True)
 def bystander_crossing(rng: Rng) -> Setting:
     person, end_s = at_work(rng)
     speed, x = rng.uniform(0.3, 0.9), rng.uniform(0.42, 0.6)
@@ -231,14 +231,14 @@ def bystander_crossing(rng: Rng) -> Setting:
     return Setting((person, replace(walker, root=way)), max(end_s, start + 2.8 / speed) + 1.5, Expectation(keep))
 
 
-@scene("Somebody stands where the arm of a greeting goes, and stays.", quick=True)
+@scene("A bystander stands where the arm of a greeting goes, and stays.", quick=True)
 def bystander_staying(rng: Rng) -> Setting:
     person, end_s = at_work(rng)
     other = bystander(rng, rng.uniform(0.42, 0.58), rng.uniform(-0.5, -0.18), rng.uniform(-math.pi, math.pi))
     return Setting((person, arriving(other, rng)), end_s + 3.0, Expectation(KEPT))
 
 
-@scene("Somebody stands close beside a greeting.")
+@scene("A bystander stands close beside a greeting.")
 def bystander_beside(rng: Rng) -> Setting:
     person, end_s = at_work(rng)
     other = bystander(rng, rng.uniform(0.6, 0.85), rng.uniform(-0.62, -0.48), rng.uniform(2.0, 4.0))
@@ -308,7 +308,7 @@ def two_greeting(rng: Rng) -> Setting:
     return Setting((person, other), end_s + 3.0, Expectation(KEPT))
 
 
-@scene("The tracker swaps the numbers of the watched person and of somebody beside them, twice.")
+@scene("The tracker swaps the numbers of the tracked person and of a bystander, twice.")
 def numbers_swapped(rng: Rng) -> Setting:
     person, end_s = greeter(rng)
     first, second = sorted(rng.uniform(3.0, end_s, 2))
@@ -318,7 +318,7 @@ def numbers_swapped(rng: Rng) -> Setting:
     return Setting((watched, other), end_s + 3.0, Expectation(KEPT))
 
 
-@scene("Somebody leads a child of 1.1 m past during a greeting; the child stops at the arm.")
+@scene("An adult leads a child of 1.1 m past during a greeting; the child stops at the arm.")
 def child_beside(rng: Rng) -> Setting:
     person, end_s = at_work(rng)
     start = rng.uniform(3.2, 4.2)
@@ -327,7 +327,7 @@ def child_beside(rng: Rng) -> Setting:
     return Setting((person, child), end_s + 3.0, Expectation(0.0))
 
 
-@scene("A bystander stands close to Pepper's arm while somebody greets it.")
+@scene("A bystander stands close to Pepper's arm while a person greets it.")
 def pepper_bystander(rng: Rng) -> Setting:
     arm, end_s = gesture("handshake", rng)
     sizes, root = standing(rng, PEPPER_SHOULDER_M, rng.uniform(1.2, 1.4), near_m=0.08)
@@ -391,7 +391,7 @@ def _turned(rng: Rng, right: Path, end_s: float, yaw: float) -> Setting:
     return Setting((Person(sizes, root, right=right, floor_m=FLOOR_M),), end_s + 2.0, Expectation(KEPT, "unwanted"))
 
 
-@scene("Turned away from the robot, the person greets somebody else.", quick=True)
+@scene("Turned away from the robot, the person greets another person.", quick=True)
 def turned_away(rng: Rng) -> Setting:
     name = ("handshake", "rocket", "parachute", "hand_wave")[rng.integers(4)]
     return _turned(rng, *gesture(name, rng), rng.uniform(-1.2, 1.2))
@@ -489,7 +489,7 @@ def child(rng: Rng) -> Setting:
     return Setting((person,), end_s + 3.0, Expectation(KEPT))
 
 
-@scene("Somebody on a high chair greets YuMi; the knees are below the arm.")
+@scene("A person on a high chair greets YuMi; the knees are below the arm.")
 def seated(rng: Rng) -> Setting:
     name = ("handshake", "parachute", "rocket")[rng.integers(3)]
     arm, end_s = gesture(name, rng)

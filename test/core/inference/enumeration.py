@@ -11,14 +11,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mild_core.inference.priors.chain import Chain
+from mild_core.inference.priors.chain import SemiMarkovChain
 
 Segmentation = tuple[tuple[int, int, bool], ...]
 """Segments as (component, frames seen, cut): the last one may be cut by the end of the recording."""
 
 
 def segmentations(components: int, longest: int, frames: int) -> Iterator[Segmentation]:
-    """Every way to fill `frames` with segments; a segment that ends with the recording is told apart from one that
+    """Every way to fill `frames` with segments; a segment that ends with the recording is distinguished from one that
     would have gone on."""
     if frames == 0:
         yield ()
@@ -31,7 +31,7 @@ def segmentations(components: int, longest: int, frames: int) -> Iterator[Segmen
             yield ((component, frames, True),)
 
 
-def weight(chain: Chain, segmentation: Segmentation, emissions: np.ndarray) -> float:
+def weight(chain: SemiMarkovChain, segmentation: Segmentation, emissions: np.ndarray) -> float:
     """Joint probability of one segmentation and all frames; a cut segment has the mass of all longer durations."""
     value, time, before = 1.0, 0, None
     for component, duration, cut in segmentation:
@@ -43,7 +43,7 @@ def weight(chain: Chain, segmentation: Segmentation, emissions: np.ndarray) -> f
     return float(value)
 
 
-def posterior(chain: Chain, emissions: np.ndarray) -> tuple[float, np.ndarray]:
+def posterior(chain: SemiMarkovChain, emissions: np.ndarray) -> tuple[float, np.ndarray]:
     """Likelihood of the frames, and (T, K) probability of each component at each frame given all of them."""
     total, table = 0.0, np.zeros(emissions.shape)
     for segmentation in segmentations(chain.components, chain.longest, len(emissions)):
@@ -54,7 +54,7 @@ def posterior(chain: Chain, emissions: np.ndarray) -> tuple[float, np.ndarray]:
     return total, table / total
 
 
-def counts(chain: Chain, emissions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def counts(chain: SemiMarkovChain, emissions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Expected transitions (K, K), and segments by duration (K, D), where a cut one counts by all it may become."""
     total, _ = posterior(chain, emissions)
     transitions, durations = np.zeros((chain.components, chain.components)), np.zeros(chain.durations.shape)

@@ -46,7 +46,7 @@ def copied(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_a_change_in_any_compiled_file_is_compiled_anew(tmp_path):
+def test_a_change_in_any_compiled_file_is_recompiled(tmp_path):
     path = copied(tmp_path)
     value, folder = run(path, NUMBA_CACHE_DIR="")
     # det [[4, 2], [2, 5]] = 16, and the factor's is its root.

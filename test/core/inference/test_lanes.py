@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is told to LLVM about eight numbers is what numpy does with them."""
+"""Our LLVM code for eight numbers equals numpy."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ import pytest
 
 from mild_core.inference.gaussian import Gaussian, condition, log_density, mixture_moments
 from mild_core.inference.priors import GMM, HSMM, PRIORS
-from mild_core.inference.priors.chain import Chain
+from mild_core.inference.priors.chain import SemiMarkovChain
 from mild_core.inference.priors.prior import FitSettings
 
 PLAIN = FitSettings(
@@ -92,12 +92,12 @@ def test_first_frame_weighs_the_start_by_the_widened_observed_block(kind):
 
 @EVERY_PRIOR
 def test_covariances_are_widened_by_a_share_of_each_dimension_s_own_variance(kind):
-    """In other units the same demonstrations make the same prior, told in these units."""
+    """In other units the same demonstrations make the same prior, in these units."""
     latents, units = demonstrations(), np.array([1.0, 10.0, 0.1, 3.0, 1.0, 100.0])
     settings = FitSettings(iterations=3, tolerance=-np.inf)
     plain = PRIORS[kind].from_demonstrations(latents, 4, OBSERVED, settings).fit(latents, settings).prior
-    told = [z * units for z in latents]
-    other = PRIORS[kind].from_demonstrations(told, 4, OBSERVED, settings).fit(told, settings).prior
+    scaled = [z * units for z in latents]
+    other = PRIORS[kind].from_demonstrations(scaled, 4, OBSERVED, settings).fit(scaled, settings).prior
     np.testing.assert_allclose(other.components.mean, plain.components.mean * units, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(
         other.components.covariance, plain.components.covariance * np.outer(units, units), rtol=1e-5, atol=1e-9
@@ -241,12 +241,12 @@ def test_chains_of_another_kind_are_refused():
     gaussians = Gaussian(np.zeros((2, 2)), np.tile(np.eye(2), (2, 1, 1)))
     half, one = np.full((2, 2), 0.5), np.ones((2, 1))
     with pytest.raises(ValueError, match="zero diagonal"):
-        HSMM(gaussians, Chain(half[0], half, half), np.zeros(2), 1)
+        HSMM(gaussians, SemiMarkovChain(half[0], half, half), np.zeros(2), 1)
     with pytest.raises(ValueError, match="one frame"):
-        PRIORS["hmm"](gaussians, Chain(half[0], half, half), np.zeros(2), 1)
+        PRIORS["hmm"](gaussians, SemiMarkovChain(half[0], half, half), np.zeros(2), 1)
     with pytest.raises(ValueError, match="every row"):
-        GMM(gaussians, Chain(half[0], np.eye(2), one), np.zeros(2), 1)
+        GMM(gaussians, SemiMarkovChain(half[0], np.eye(2), one), np.zeros(2), 1)
     with pytest.raises(ValueError, match="observed_size"):
-        GMM(gaussians, Chain(half[0], half, one), np.zeros(2), 3)
+        GMM(gaussians, SemiMarkovChain(half[0], half, one), np.zeros(2), 3)
     with pytest.raises(ValueError, match="cut into"):
         GMM.from_demonstrations([np.zeros((3, 2))], 4, 1)

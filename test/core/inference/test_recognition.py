@@ -39,13 +39,13 @@ def test_one_bad_frame_decides_nothing_for_good():
 
 
 def test_what_is_given_is_certain():
-    told = given(2, 4)
-    np.testing.assert_array_equal(told.probabilities, [0, 0, 1, 0])
-    assert (told.likeliest, told.probability) == (2, 1.0)
+    conditioned = given(2, 4)
+    np.testing.assert_array_equal(conditioned.probabilities, [0, 0, 1, 0])
+    assert (conditioned.likeliest, conditioned.probability) == (2, 1.0)
 
 
-def test_not_told_it_answers_what_it_would_told_each_interaction_mixed_by_probability(full_model):
-    told = [run(Inference(full_model, name), windows(30))[1] for name in INTERACTIONS]
+def test_predictions_per_interaction_are_averaged_with_the_posterior(full_model):
+    conditioned = [run(Inference(full_model, name), windows(30))[1] for name in INTERACTIONS]
     stage = Inference(full_model)
     state, unsure = stage.init(), 0
     for index, window in enumerate(windows(30)):
@@ -53,15 +53,15 @@ def test_not_told_it_answers_what_it_would_told_each_interaction_mixed_by_probab
         shares = state.recognition.probabilities
         unsure += shares.max() < 0.9
         assert shares.min() > NEGLIGIBLE
-        motions = np.array([answers[index].positions for answers in told])
+        motions = np.array([answers[index].positions for answers in conditioned])
         mixed = np.tensordot(shares, motions, 1)
         np.testing.assert_allclose(answer.positions, mixed, atol=CLOSE)
         apart = motions - mixed
-        within = np.tensordot(shares, [answers[index].covariance for answers in told], 1)
+        within = np.tensordot(shares, [answers[index].covariance for answers in conditioned], 1)
         between = np.einsum("n,nwa,nwb->ab", shares, apart, apart) / len(mixed)
         np.testing.assert_allclose(answer.covariance, within + between, atol=CLOSE)
-        likeliest = told[int(shares.argmax())][index]
+        likeliest = conditioned[int(shares.argmax())][index]
         np.testing.assert_array_equal(answer.belief, likeliest.belief)
         assert answer.phase == likeliest.phase
-        assert answer.out_of_distribution == min(answers[index].out_of_distribution for answers in told)
+        assert answer.out_of_distribution == min(answers[index].out_of_distribution for answers in conditioned)
     assert unsure > 10

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mild_core.inference.priors.chain import Chain, component_probabilities, expect
+from mild_core.inference.priors.chain import SemiMarkovChain, component_probabilities, expect
 from mild_core.inference.priors.chain import run_filter as filtered
 from mild_core.inference.priors.filtering import UNDERFLOW
 from test.core.inference.enumeration import counts, posterior
@@ -15,15 +15,17 @@ from test.core.inference.enumeration import counts, posterior
 EXACT = 1e-11
 
 
-def random_chain(rng: np.random.Generator, components: int, longest: int) -> Chain:
+def random_chain(rng: np.random.Generator, components: int, longest: int) -> SemiMarkovChain:
     transitions = rng.dirichlet(np.ones(components), components) if components > 1 else np.ones((1, 1))
     if components > 1:
         np.fill_diagonal(transitions, 0.0)
         transitions /= transitions.sum(axis=1, keepdims=True)
-    return Chain(rng.dirichlet(np.ones(components)), transitions, rng.dirichlet(np.ones(longest), components))
+    return SemiMarkovChain(rng.dirichlet(np.ones(components)), transitions, rng.dirichlet(np.ones(longest), components))
 
 
-def run_filter(chain: Chain, log_emissions: np.ndarray, restart: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+def run_filter(
+    chain: SemiMarkovChain, log_emissions: np.ndarray, restart: float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
     found = filtered(chain, log_emissions, restart=restart)
     return found.weights, found.log_likelihoods
 
@@ -70,7 +72,7 @@ def test_expectation_is_the_enumerated_one(components, longest, frames, seed):
     np.testing.assert_allclose(found.counts.initial, found.responsibilities[[0, lengths[0]]].sum(axis=0), atol=EXACT)
 
 
-def in_logarithms(chain: Chain, log_emissions: np.ndarray) -> tuple[float, np.ndarray]:
+def in_logarithms(chain: SemiMarkovChain, log_emissions: np.ndarray) -> tuple[float, np.ndarray]:
     """Log-likelihood and (T, K) posterior by forward and backward over all (K, D) states in the log domain."""
     with np.errstate(divide="ignore"):
         moves, durations, start = (np.log(part) for part in (chain.transitions, chain.durations, chain.initial))
@@ -126,7 +128,7 @@ def test_expectation_of_many_unequal_demonstrations_is_that_of_each(components, 
 
 def test_a_frame_out_of_reach_in_one_demonstration_changes_no_other():
     rng = np.random.default_rng(23)
-    chain = Chain(np.array([1.0, 0.0]), np.array([[0.0, 1.0], [1.0, 0.0]]), np.tile([0.0, 0.0, 1.0], (2, 1)))
+    chain = SemiMarkovChain(np.array([1.0, 0.0]), np.array([[0.0, 1.0], [1.0, 0.0]]), np.tile([0.0, 0.0, 1.0], (2, 1)))
     hidden = np.array([[0.0, 900.0], [-300.0, 900.0], [-300.0, 0.0], [-2.0, -1.0]])
     plain = rng.normal(0.0, 1.0, (9, 2))
     found = expect(chain, np.concatenate([plain, hidden, hidden[:2], plain[:3]]), [9, 4, 2, 3])
@@ -163,8 +165,8 @@ def test_printed_equation_6_is_a_hidden_markov_model():
         printed = row * sum(printed @ transitions * durations[:, d] for d in range(5))
         printed /= printed.sum()
         printed_path.append(printed)
-    markov, _ = run_filter(Chain(initial, transitions, np.ones((3, 1))), log_emissions)
-    semi_markov, _ = run_filter(Chain(initial, transitions, durations), log_emissions)
+    markov, _ = run_filter(SemiMarkovChain(initial, transitions, np.ones((3, 1))), log_emissions)
+    semi_markov, _ = run_filter(SemiMarkovChain(initial, transitions, durations), log_emissions)
     np.testing.assert_allclose(printed_path, markov, atol=EXACT)
     assert abs(markov - semi_markov).max() > 0.05
 
@@ -176,8 +178,8 @@ def test_geometric_durations_make_a_hidden_markov_model():
     initial = rng.dirichlet(np.ones(3))
     durations = (1.0 - stay[:, None]) * stay[:, None] ** np.arange(frames)
     durations[:, -1] += 1.0 - durations.sum(axis=1)
-    markov = Chain(initial, np.diag(stay) + (1.0 - stay[:, None]) * moves, np.ones((3, 1)))
-    semi_markov = Chain(initial, moves, durations)
+    markov = SemiMarkovChain(initial, np.diag(stay) + (1.0 - stay[:, None]) * moves, np.ones((3, 1)))
+    semi_markov = SemiMarkovChain(initial, moves, durations)
     log_emissions = rng.normal(0.0, 1.5, (frames, 3))
     for one, other in zip(run_filter(markov, log_emissions), run_filter(semi_markov, log_emissions), strict=True):
         np.testing.assert_allclose(one, other, atol=EXACT)
@@ -190,13 +192,15 @@ def test_equal_rows_make_a_mixture():
     rng = np.random.default_rng(6)
     shares = rng.dirichlet(np.ones(4))
     log_emissions = rng.normal(0.0, 3.0, (20, 4))
-    weights, log_likelihoods = run_filter(Chain(shares, np.tile(shares, (4, 1)), np.ones((4, 1))), log_emissions)
+    weights, log_likelihoods = run_filter(
+        SemiMarkovChain(shares, np.tile(shares, (4, 1)), np.ones((4, 1))), log_emissions
+    )
     joint = shares * np.exp(log_emissions)
     np.testing.assert_allclose(weights, joint / joint.sum(axis=1, keepdims=True), atol=EXACT)
     np.testing.assert_allclose(log_likelihoods, np.log(joint.sum(axis=1)), atol=EXACT)
 
 
-def test_a_frame_nobody_explains_passes_as_time_and_says_so():
+def test_a_frame_that_underflows_passes_as_time_and_says_so():
     rng = np.random.default_rng(7)
     chain = random_chain(rng, 3, 5)
     log_emissions = rng.normal(0.0, 1.0, (6, 3))
@@ -231,7 +235,7 @@ def test_restart_mixes_a_new_start_into_every_frame():
 
 
 def test_components_that_cannot_be_reached_do_not_count_however_likely():
-    chain = Chain(np.array([1.0, 0.0]), np.array([[0.0, 1.0], [1.0, 0.0]]), np.tile([0.0, 0.0, 1.0], (2, 1)))
+    chain = SemiMarkovChain(np.array([1.0, 0.0]), np.array([[0.0, 1.0], [1.0, 0.0]]), np.tile([0.0, 0.0, 1.0], (2, 1)))
     log_emissions = np.array([[0.0, 900.0], [-300.0, 900.0], [-300.0, 0.0], [-2.0, -1.0]])
     weights, log_likelihoods = run_filter(chain, log_emissions)
     np.testing.assert_array_equal(weights, [[1, 0], [1, 0], [1, 0], [0, 1]])
@@ -243,7 +247,7 @@ def test_components_that_cannot_be_reached_do_not_count_however_likely():
 def test_without_observations_the_components_follow_their_durations():
     durations = np.zeros((3, 4))
     durations[[0, 1, 2], [1, 3, 0]] = 1.0
-    chain = Chain(np.array([1.0, 0, 0]), np.roll(np.eye(3), 1, axis=1), durations)
+    chain = SemiMarkovChain(np.array([1.0, 0, 0]), np.roll(np.eye(3), 1, axis=1), durations)
     path = component_probabilities(chain, 9)
     np.testing.assert_array_equal(path.argmax(axis=1), [0, 0, 1, 1, 1, 1, 2, 0, 0])
     np.testing.assert_allclose(path.max(axis=1), 1.0, atol=EXACT)
@@ -261,4 +265,4 @@ def test_without_observations_the_components_follow_their_durations():
 def test_what_is_no_chain_is_refused(change, word):
     parts = {"initial": [0.5, 0.5], "transitions": [[0.5, 0.5], [0.5, 0.5]], "durations": [[1.0], [1.0]]}
     with pytest.raises(ValueError, match=word):
-        Chain(**{name: np.array(values) for name, values in (parts | change).items()})
+        SemiMarkovChain(**{name: np.array(values) for name, values in (parts | change).items()})

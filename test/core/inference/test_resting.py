@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""However long a person rests before they move, the answer is the same; and once they rest again, all begins anew."""
+"""A rest of any length before a motion does not change the prediction; a rest after it resets the state."""
 
 from dataclasses import replace
 
@@ -75,14 +75,14 @@ def test_what_comes_after_a_rest_is_as_if_nothing_had_been_before(model):
         active=np.ones(2 * trial.frames + 260),
     )
     state, answers = run(model, twice)
-    assert state.counts["begun_anew"] == 1
+    assert state.counts["reset_at_rest"] == 1
     assert state.counts["accepted"] == len(answers)
     kept = replace(model, manifest=replace(model.manifest, rest_s=0.0))
     apart = {}
-    for name, one in (("anew", model), ("kept", kept)):
+    for name, one in (("reset", model), ("kept", kept)):
         again, alone = run(one, twice)[1][-70:], run(one, rested(trial, 200))[1][-70:]
         apart[name] = np.abs(again - alone).max()
-    assert apart["anew"] < 0.5 * apart["kept"]
+    assert apart["reset"] < 0.5 * apart["kept"]
 
 
 def hand(rest, path):
@@ -101,7 +101,7 @@ def test_a_hand_that_trembles_waits_and_one_that_leaves_does_not():
     assert rests(trembling, np.array([0.0, 0.01, 0.0])) == pytest.approx(0.8)
     assert rests(trembling, np.zeros(3)) == 1.0
     assert rests(hand(trembling, [(0.06, 0, 0)]), np.zeros(3)) == 0.0  # for good
-    assert rests(None, np.zeros(3)) == 0.0  # nobody knows where the hand rests
+    assert rests(None, np.zeros(3)) == 0.0  # the place of rest is unknown
 
 
 def test_frames_that_were_missed_are_time_too():
@@ -122,7 +122,7 @@ def test_a_hand_that_moves_in_the_first_window_does_not_wait():
 
 
 @pytest.mark.parametrize(("height_m", "back"), [(0.1, True), (BACK_M + 0.05, False)])
-def test_a_hand_that_is_held_still_in_somebody_elses_is_not_back(height_m, back):
+def test_a_hand_that_is_held_still_in_another_hand_is_not_back(height_m, back):
     away = hand(first_seen(np.zeros((1, 3))), [(0, 0, 0.4)] * 5)
     assert is_back(hand(away, [(0, 0, height_m)] * 81), 80) == back
     assert not is_back(hand(away, [(0, 0, height_m)] * 79), 80)

@@ -8,7 +8,7 @@ import pytest
 
 from mild_core.inference.manifest import NetworkSpec
 from mild_core.inference.member import Generated, combined
-from mild_core.inference.mixing import DIAGONAL_FLOOR, add_spread, gate_weights, nearest, posterior, tell_apart
+from mild_core.inference.mixing import DIAGONAL_FLOOR, add_spread, classify, gate_weights, nearest, posterior
 from mild_core.inference.model import build_model
 from mild_core.inference.networks import LayerSpec
 from mild_core.inference.reservoir import SETTLED_S, Reservoir
@@ -44,7 +44,7 @@ def test_gate_is_the_belief_times_the_exponential_of_its_logits(rng):
 
 def test_log_probabilities_are_normalised_whatever_the_logits(rng):
     logits = (300.0 * rng.normal(size=6)).astype(np.float32)
-    found = tell_apart(logits)
+    found = classify(logits)
     assert np.exp(found).sum() == pytest.approx(1.0)
     np.testing.assert_allclose(np.diff(found), np.diff(logits.astype(np.float64)), atol=1e-3)
 
@@ -160,7 +160,7 @@ def test_readouts_see_the_state_and_the_newest_the_oldest_and_the_middle_frame(r
         reservoir.answer(state, positions, label), coordinates @ reservoir.back + reservoir.mean, atol=1e-12
     )
     wanted = seen @ reservoir.label_weight + reservoir.label_bias
-    np.testing.assert_allclose(reservoir.tell_apart(state, positions), wanted, atol=1e-12)
+    np.testing.assert_allclose(reservoir.classify(state, positions), wanted, atol=1e-12)
 
 
 def test_the_reservoir_has_its_share_and_widens_the_covariance_by_their_disagreement(reservoir, rng):

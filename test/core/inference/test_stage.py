@@ -226,7 +226,7 @@ def test_an_unusable_window_is_counted_and_leaves_no_trace(full_model, spoil, ou
 @pytest.mark.parametrize(
     ("jump_ns", "event"), [(-100 * PERIOD_NS, "time_reset"), (-1, "time_reset"), (41 * PERIOD_NS, "gap_reset")]
 )
-def test_a_jump_in_time_starts_anew(full_model, jump_ns, event):
+def test_a_jump_in_time_resets(full_model, jump_ns, event):
     stage = Inference(full_model)
     before, _ = run(stage, windows(10))
     later = windows(5, seed=3, first_ns=before.stamp_ns + jump_ns)
@@ -285,7 +285,7 @@ def test_an_unknown_interaction_lists_the_known_ones(paper_model):
     assert "parachute" in str(caught.value)
 
 
-def test_motion_that_underflows_everywhere_is_told_and_says_nothing_of_the_interaction():
+def test_motion_that_underflows_everywhere_is_counted_and_does_not_change_the_belief():
     of = manifest((paper_member(hidden=(20, 12)),), components=4)
     arrays = random_arrays(of)
     # An encoder that is always sure: random ones get less sure the farther away they look.
@@ -329,7 +329,7 @@ def test_a_jump_in_time_forgets_the_person_and_not_where_the_robot_stood(paper_m
         assert after.counts["accepted"] == 6
 
 
-def test_motion_far_from_all_centres_is_told(full_model):
+def test_motion_far_from_all_centres_is_counted(full_model):
     stage = Inference(full_model, "rocket")
     state, _ = run(stage, windows(5))
     far = FeatureWindow(state.stamp_ns + PERIOD_NS, "arm", JOINTS, np.full((40, 9), 1e3))
@@ -365,7 +365,7 @@ def test_evidence_names_the_interaction_whose_motion_it_is():
     assert unknown[-1].interaction == ""
 
 
-def test_a_recogniser_speaks_for_the_priors_when_nobody_says_which_interaction_it_is(full_model):
+def test_a_recogniser_replaces_the_priors_without_a_given_interaction(full_model):
     state, _ = run(Inference(full_model), windows(1))
     values = windows(1)[0].features.ravel().astype(np.float32)
     evidence = np.zeros(len(INTERACTIONS))
@@ -374,5 +374,5 @@ def test_a_recogniser_speaks_for_the_priors_when_nobody_says_which_interaction_i
         evidence += (logits - np.log(np.exp(logits).sum())) / len(full_model.members)
     expected = full_model.temper * (evidence - evidence.max())
     np.testing.assert_allclose(state.recognition.evidence, expected, atol=CLOSE)
-    told, _ = run(Inference(full_model, "rocket"), windows(1))
-    np.testing.assert_array_equal(told.recognition.probabilities, np.eye(len(INTERACTIONS))[2])
+    conditioned, _ = run(Inference(full_model, "rocket"), windows(1))
+    np.testing.assert_array_equal(conditioned.recognition.probabilities, np.eye(len(INTERACTIONS))[2])

@@ -24,7 +24,7 @@ SMALL_PAPER = replace(
     architecture=replace(PAPER.architecture, latent=2, encoder_hidden=(16, 8), decoder_hidden=(8, 16)),
     prior=PriorSettings(components=3, every=1, iterations=1, frozen_from=1.0),
     epochs=6,
-    observed_epochs=2,
+    observed_share=1 / 3,
     samples=2,
 )
 SMALL_PAPER = replace(SMALL_PAPER, architecture=replace(SMALL_PAPER.architecture, counterpart_hidden=(16, 8)))

@@ -9,13 +9,13 @@ import pytest
 from mild_core.learning.baselines import BASELINES
 from mild_core.learning.evaluation import errors_of_trial, summarise
 from mild_core.learning.folds import folds_of
-from mild_core.learning.kernels import Grid, fit_chosen, linear
+from mild_core.learning.kernels import SearchGrid, fit_chosen, linear
 from mild_core.learning.windows import PROTOCOLS, cut
 from test.core.learning.made_trials import made_trials
 
 TRIALS = made_trials(each=4)
 PLAIN = ("action_mean", "time_indexed_mean", "ridge", "kernel_ridge", "nearest_neighbours")
-RECURRENT = ("gru", "mixture_density", "mixture_density_told", "buetepage")
+RECURRENT = ("gru", "mixture_density", "mixture_density_given", "buetepage")
 
 
 @pytest.fixture(autouse=True)
@@ -44,7 +44,7 @@ def test_time_indexed_mean_plays_the_mean_motion_at_the_time_of_the_answer(proto
 
 
 def test_ridge_in_the_dual_is_ridge_in_the_primal():
-    machine = fit_chosen(TRIALS[:4], PROTOCOLS["next"], linear, Grid((1.0,), (10.0,)))
+    machine = fit_chosen(TRIALS[:4], PROTOCOLS["next"], linear, SearchGrid((1.0,), (10.0,)))
     windows = [cut(t, PROTOCOLS["next"]) for t in TRIALS[:4]]
     features = np.concatenate([w.observed.reshape(len(w.observed), -1)[::3] for w in windows])
     answers = np.concatenate([w.controlled.reshape(len(w.controlled), -1)[::3] for w in windows])
@@ -65,9 +65,9 @@ def test_looking_at_the_human_beats_not_looking():
 @pytest.mark.parametrize("name", RECURRENT)
 def test_a_recurrent_network_learns_to_look_at_the_human(name, monkeypatch):
     monkeypatch.setattr("mild_core.learning.recurrent.EPOCHS", 80)
-    told = BASELINES[name].told
-    # Who is not told "reach" from "push" has to tell them by the human, who moves alike: both robots are then halfway.
-    assert macro(name) < (0.6 if told else 1.0) * macro("action_mean")
+    uses_label = BASELINES[name].uses_label
+    # Without the label, "reach" and "push" look alike in the person: both predictions are then halfway.
+    assert macro(name) < (0.6 if uses_label else 1.0) * macro("action_mean")
 
 
 @pytest.mark.parametrize("name", [*PLAIN, *RECURRENT])
@@ -80,7 +80,7 @@ def test_a_prediction_has_the_shape_of_the_answer_and_never_looks_at_it(name, pr
     blinded = replace(trial, controlled=np.zeros_like(trial.controlled), active=np.zeros_like(trial.active))
     np.testing.assert_array_equal(predictor.predict(blinded), predicted)
     other = replace(trial, interaction="reach" if trial.interaction == "push" else "push")
-    assert np.array_equal(predictor.predict(other), predicted) == (not BASELINES[name].told)
+    assert np.array_equal(predictor.predict(other), predicted) == (not BASELINES[name].uses_label)
 
 
 @pytest.mark.parametrize("name", [name for name, baseline in BASELINES.items() if name != "mild_paper"])

@@ -27,7 +27,7 @@ def folder(tmp_path_factory):
             np.save(path / "segmentation" / f"{begin}_{take}.npy", np.array(SEGMENTS))
             for person in (1, 2):
                 rows = np.column_stack([np.arange(FRAMES) / 40, rng.normal(size=(FRAMES, 7 * len(JOINTS)))])
-                rows[50:] = rows[50]  # nobody moves in the end
+                rows[50:] = rows[50]  # no one moves in the end
                 file = path / f"p{person}" / f"{begin}_s{person}_{take}.csv"
                 np.savetxt(file, rows, delimiter=",", header=",".join(NAMES), comments="", fmt="%.9g")
     return path

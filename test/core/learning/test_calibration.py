@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from mild_core.learning.calibration import AIM, LEVELS, REGION, Doubt, calibrate
+from mild_core.learning.calibration import AIM, LEVELS, REGION, CalibrationSample, calibrate
 
 NINETY = LEVELS.index(REGION)
 
@@ -16,7 +16,7 @@ def drawn(fold, interaction, factor, rng, windows=120):
     """Errors of N(0, factor V) where V is what is spread, four frames to a window."""
     root = np.array([[1.0, 0.0, 0.0], [0.5, 0.7, 0.0], [-0.3, 0.2, 0.4]])
     errors = np.sqrt(factor) * rng.normal(size=(windows, 4, 3)) @ root.T
-    return Doubt(fold, interaction, errors, np.broadcast_to(root @ root.T, (windows, 3, 3)))
+    return CalibrationSample(fold, interaction, errors, np.broadcast_to(root @ root.T, (windows, 3, 3)))
 
 
 @pytest.fixture(scope="module")

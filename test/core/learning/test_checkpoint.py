@@ -67,9 +67,9 @@ def test_a_disk_that_takes_no_more_is_one_line_and_the_last_snapshot_stays(tmp_p
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (4096, before[1]))
     try:
-        with pytest.raises((SetupError, OSError)) as told:
+        with pytest.raises((SetupError, OSError)) as error:
             checkpoint.write(0, replace(snapshot, epochs=2))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(error.value)
     assert checkpoint.read(1)[0].epochs == 1

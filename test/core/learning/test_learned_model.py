@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The learned methods of the table: trained by torch, scored through the run-time stage, told the label or not."""
+"""The learned methods of the table: trained by torch, scored through the run-time stage, labels given and not."""
 
 from dataclasses import replace
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an ordinary day in a lab records: it is learned into a model that runs, or told in one line before learning."""
+"""Recordings of an ordinary day in a lab: a model that runs, or one line that rejects them before training."""
 
 from dataclasses import replace
 
@@ -79,7 +79,7 @@ LEARNED = {
 }
 
 
-TOLD = {
+REJECTED = {
     "the robot never moves": (changed(everywhere, stands), "the robot never moves by more than 0.000 rad"),
     "but for noise": (
         changed(everywhere, lambda angles: 1e-4 * np.random.default_rng(0).standard_normal(angles.shape)),
@@ -114,12 +114,12 @@ TOLD = {
 }
 
 
-@pytest.mark.parametrize(("trials", "told"), TOLD.values(), ids=TOLD)
-def test_what_cannot_be_is_one_line_that_names_it_before_anything_is_learned(trials, told):
+@pytest.mark.parametrize(("trials", "message"), REJECTED.values(), ids=REJECTED)
+def test_what_cannot_be_is_one_line_that_names_it_before_anything_is_learned(trials, message):
     for judge in (require_valid, lambda given: next(train(given, PROTOCOLS["ahead"], SMALL, 0))):
         with pytest.raises(DatasetError) as refused:
             judge(trials)
-        assert told in str(refused.value)
+        assert message in str(refused.value)
         assert "\n" not in str(refused.value)
 
 
@@ -131,8 +131,8 @@ def test_a_partners_arm_is_judged_as_the_persons():
         )
 
     require_valid(partner(lambda arm: arm))
-    for hand, told in ((put((FRAME, 2), 1e3), "the partner's hand is beyond"), (stands, "the partner's hand never")):
-        with pytest.raises(DatasetError, match=told):
+    for hand, message in ((put((FRAME, 2), 1e3), "the partner's hand is beyond"), (stands, "the partner's hand never")):
+        with pytest.raises(DatasetError, match=message):
             require_valid(partner(hand))
 
 

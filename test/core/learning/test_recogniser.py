@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The network that tells interactions apart knows those it has learned, and nothing before the person moves."""
+"""The recogniser network knows those it has learned, and nothing before the person moves."""
 
 from dataclasses import replace
 
@@ -24,7 +24,7 @@ QUICK = RecogniserSettings(question_coordinates=6, hidden=(16,), dropout=0.0, le
 
 
 def aside(trial):
-    """The same movement to the side instead of forward: what tells `push` from `reach` here."""
+    """The same movement to the side instead of forward: the difference of `push` from `reach` here."""
     return replace(trial, observed_m=trial.observed_m[..., [1, 0, 2]]) if trial.interaction == "push" else trial
 
 
@@ -43,7 +43,7 @@ def probabilities(recogniser, trial):
     return found[newest < start - 10], found[(newest > start + 20) & moved[newest]]
 
 
-def test_it_tells_new_trials_apart_once_the_hand_has_moved():
+def test_it_classifies_new_trials_once_the_hand_has_moved():
     learned = tuple(aside(trial) for trial in made_trials(each=4, frames=300))  # long enough for windows at rest
     with drawing_from(0):
         recogniser = train_recogniser(corpus_of(learned, SAME_SECOND, TWO), QUICK, Augmentation(), 80)
@@ -52,7 +52,7 @@ def test_it_tells_new_trials_apart_once_the_hand_has_moved():
         assert len(resting) > 0
         assert len(moving) > 10
         assert (moving[:, label] > 0.9).mean() > 0.9
-        # At rest nobody can know: one of two, give or take what a small network makes of noise.
+        # A resting person shows nothing: one of two, give or take what a small network makes of noise.
         assert abs(resting - 0.5).max() < 0.2
 
 

@@ -65,7 +65,7 @@ def test_it_answers_a_new_trial_much_better_than_the_mean_answer_after_any_rest(
 
 
 def aside(trial):
-    """The same movement to the side instead of forward: what tells `push` from `reach` here."""
+    """The same movement to the side instead of forward: the difference of `push` from `reach` here."""
     return replace(trial, observed_m=trial.observed_m[..., [1, 0, 2]]) if trial.interaction == "push" else trial
 
 
@@ -78,17 +78,17 @@ def _telling() -> Reservoir:
 
 @pytest.mark.parametrize("number", [0, 1])
 @pytest.mark.parametrize("rested", [0, 4000])
-def test_it_tells_new_trials_apart_once_the_hand_has_moved_and_until_the_end(telling, number, rested):
+def test_it_classifies_new_trials_once_the_hand_has_moved_and_until_the_end(telling, number, rested):
     trial = aside(made_trial(50, TWO[number], 300))
     track = trial.observed_m.reshape(trial.frames, -1)
     states = telling.listen(np.vstack([np.repeat(track[:1], rested, axis=0), track]), trial.rate_hz, None, 0)[rested:]
-    logits = np.array([telling.tell_apart(states[n], track[n - 39 : n + 1]) for n in range(39, trial.frames)])
+    logits = np.array([telling.classify(states[n], track[n - 39 : n + 1]) for n in range(39, trial.frames)])
     probability = np.exp(logits[:, number] - np.logaddexp(*logits.T))
-    begun = onset_frame(trial) - 39
-    assert begun > 10
-    # At rest nobody can know: one of two, give or take what regression makes of another person's posture.
+    started = onset_frame(trial) - 39
+    assert started > 10
+    # A resting person shows nothing: one of two, give or take what regression makes of another person's posture.
     assert abs(probability[0] - 0.5) < 0.2
-    assert probability[begun + 20 :].min() > 0.8
+    assert probability[started + 20 :].min() > 0.8
 
 
 @pytest.mark.parametrize("network", [True, False])
@@ -101,7 +101,7 @@ def test_it_and_the_networks_have_equal_say_in_which_interaction_it_is(network):
     window = list(feature_windows(trials[5], SAME_SECOND))[60]
     stage, values = Inference(model), window.features.ravel()
     state, _ = stage.step(stage.init(), window, window.stamp_ns)
-    wanted = model.reservoir.tell_apart(model.reservoir.listen(window.features, 40.0, None, 0)[-1], window.features)
+    wanted = model.reservoir.classify(model.reservoir.listen(window.features, 40.0, None, 0)[-1], window.features)
     if network:
         run = model.members[0].networks["recogniser"].run
         logits = run(values.astype(np.float32), np.zeros(0, np.float32))[0].astype(np.float64)

@@ -47,7 +47,7 @@ def test_each_movement_is_a_trial_with_the_rest_around_it():
     found = cut([(5.0, 9.0), (13.0, 18.0), (22.0, 25.0)])
     assert [segment.fault for segment in found.segments] == ["", "", ""]
     for segment, (begin, end) in zip(found.segments, [(5.0, 9.0), (13.0, 18.0), (22.0, 25.0)], strict=True):
-        # Smoothing and the limits of speed and distance tell a movement a few frames early or late.
+        # Smoothing and the limits of speed and distance find a movement a few frames early or late.
         assert segment.onset / RATE_HZ == pytest.approx(begin, abs=0.25)
         assert segment.back / RATE_HZ == pytest.approx(end, abs=0.25)
         assert (segment.onset - segment.begin, segment.end - segment.back) == (30, 30)

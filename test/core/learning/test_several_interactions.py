@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One interaction after the other, nobody resetting anything: each is recognised, and so is the same one again."""
+"""One interaction after the other, without a reset: each is recognised, and so is the same one again."""
 
 from dataclasses import replace
 
@@ -44,6 +44,6 @@ def test_each_of_several_interactions_in_a_row_is_recognised(mild_data, order):
     assert not {"time_reset", "gap_reset"} & state.counts.keys()
     for start, trial in zip(starts, chosen, strict=True):
         # Half of the evidence is forgotten in two seconds; by then what was before no longer counts for more.
-        begun = start + onset_window(trial, protocol, after_s=2.0)
-        following = named[begun : begun + 40]
+        started = start + onset_window(trial, protocol, after_s=2.0)
+        following = named[started : started + 40]
         assert np.mean([name == trial.interaction for name in following]) > 0.9, (trial.interaction, set(following))

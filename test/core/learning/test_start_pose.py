@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the robot stood tells how its motion will be displaced: learned, run, kept, and never from afar."""
+"""The robot's start pose predicts how its motion will be displaced: learned, run, kept, and never from afar."""
 
 from dataclasses import replace
 
@@ -46,7 +46,7 @@ def _model(trained):
 
 @pytest.mark.parametrize("number", [0, 1])
 def test_a_start_that_is_known_makes_a_new_trial_better_answered(number):
-    plain = made_trials(each=6, frames=130)  # what is predicted by somebody who knows nothing of the offsets
+    plain = made_trials(each=6, frames=130)  # what is predicted without knowledge of the offsets
     left_out = [cut(trial, SAME_SECOND).controlled.reshape(-1, 120)[::4] for trial in plain]
     learned = fit_start_pose(TRIALS, SAME_SECOND, TWO, left_out, 4)
     assert learned is not None
@@ -73,13 +73,13 @@ def test_the_further_a_pose_is_from_the_start_the_less_it_is_displaced_as_the_st
     assert np.abs(np.diff(shifts)).max() < 0.01  # nothing jumps
 
 
-@pytest.mark.parametrize(("times_reach", "tells"), [(0.99, True), (1.01, False)])
-def test_a_start_beyond_all_that_was_seen_tells_nothing(model, times_reach, tells):
+@pytest.mark.parametrize(("times_reach", "used"), [(0.99, True), (1.01, False)])
+def test_a_start_beyond_all_that_was_seen_is_ignored(model, times_reach, used):
     start_pose = model.start_pose
     far = start_pose.mean[1] + times_reach * start_pose.reach[0] * np.array([0.0, 0.6, 0.8])
     poses = np.tile(start_pose.mean[1], (40, 1))
     for resting in (0.0, 1.0):
-        assert (start_pose.displaced(poses, far, np.eye(2)[1], resting) != poses).any() == tells
+        assert (start_pose.displaced(poses, far, np.eye(2)[1], resting) != poses).any() == used
 
 
 def test_while_the_person_rests_the_robot_stands_where_it_stood(model):
@@ -97,9 +97,9 @@ def test_who_rests_less_and_less_ends_the_standing_without_a_jump(model):
     stage, trial = Inference(model, TWO[0]), TRIALS[0]
     still = {name: np.repeat(getattr(trial, name)[:1], 60, axis=0) for name in ("observed_m", "controlled", "active")}
     rested = replace(trial, **{name: np.concatenate([rest, getattr(trial, name)]) for name, rest in still.items()})
-    told, _ = stage.step(stage.init(), measured(trial.controlled[0]), 0)
+    informed, _ = stage.step(stage.init(), measured(trial.controlled[0]), 0)
     both = []
-    for state in (stage.init(), told):
+    for state in (stage.init(), informed):
         answers = []
         for window in feature_windows(rested, SAME_SECOND):
             state, motions = stage.step(state, window, window.stamp_ns)
@@ -109,7 +109,7 @@ def test_who_rests_less_and_less_ends_the_standing_without_a_jump(model):
     assert shares[0] == 1.0
     assert shares[-1] == 0.0
     assert np.abs(np.diff(shares)).max() < 0.5
-    drawn = np.array([told - untold for (untold, _), (told, _) in zip(*both, strict=True)])[:, 0]
+    drawn = np.array([after - before for (before, _), (after, _) in zip(*both, strict=True)])[:, 0]
     assert np.abs(np.diff(drawn, axis=0)).max() < 0.5 * np.abs(drawn).max()
     near = [np.abs(motion[0] - trial.controlled[0]).max() for (motion, _) in (both[0][0], both[1][0])]
     assert near[1] < near[0]
@@ -119,7 +119,7 @@ def measured(positions, stamp_ns=0, names=None):
     return JointMeasurement(stamp_ns, names or TRIALS[0].controlled_names, np.asarray(positions))
 
 
-def test_the_start_is_taken_while_nobody_is_answered(model):
+def test_the_start_is_taken_while_no_interaction_runs(model):
     stage = Inference(model, TWO[0])
     state, _ = stage.step(stage.init(), measured([0.1, 0.2, 0.3]), 0)
     np.testing.assert_array_equal(state.start, [0.1, 0.2, 0.3])
@@ -142,7 +142,7 @@ def test_the_start_is_taken_while_nobody_is_answered(model):
         (measured([0.1, 0.2, 2.3]), "doubted"),
     ],
 )
-def test_what_tells_no_pose_is_counted_and_changes_nothing(model, given, reason):
+def test_what_holds_no_pose_is_counted_and_changes_nothing(model, given, reason):
     stage = Inference(model, TWO[0])
     before, _ = stage.step(stage.init(), measured([0.1, 0.2, 0.3]), 0)
     state, motions = stage.step(before, given, 10**10 if reason == "joints_missing" else 0)

@@ -65,8 +65,8 @@ def test_the_members_learn_from_all_trials_for_as_long_as_was_enough_for_one_fol
     assert model.settings.epochs == enough
     assert len(reports) == sum((3, 6, 12)[:looked]) + enough
     assert {report.members for report in reports[-enough:]} == {looked + 1}
-    told = finished(train(TRIALS, SAME, replace(SETTINGS, epochs=enough, doublings=0), 3))
-    for name, value in told.members[0].networks.state_dict().items():
+    trained = finished(train(TRIALS, SAME, replace(SETTINGS, epochs=enough, doublings=0), 3))
+    for name, value in trained.members[0].networks.state_dict().items():
         assert torch.equal(value, model.members[0].networks.state_dict()[name]), name
     # Interrupted while the first looked, between two, and while the member learned.
     for stop in (2, 3, len(reports) - 1):

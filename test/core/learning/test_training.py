@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 import torch
 
+from mild_core.errors import SetupError
 from mild_core.learning import training
 from mild_core.learning.learned_model import finished
+from mild_core.learning.presets import PRESETS
 from mild_core.learning.settings import LossWeights
 from mild_core.learning.training import train
 from mild_core.learning.windows import PROTOCOLS, cut
@@ -74,13 +76,21 @@ def test_the_paper_learns_the_human_first_and_lends_its_hidden_layers_to_the_rob
     assert [report.controlled == 0.0 for report in reports] == [True, True, False, False, False, False]
     # A prediction is never part of the paper's objective.
     assert all(report.prediction == 0.0 for report in reports)
-    networks = reports_and_model(replace(SMALL_PAPER, epochs=1, observed_epochs=0))[1].members[0].networks
+    networks = reports_and_model(replace(SMALL_PAPER, epochs=1, observed_share=0.0))[1].members[0].networks
     networks.start_controlled_from_observed()
     human, robot = networks.encoder.stack, networks.counterpart_encoder.stack
     assert torch.equal(human[1].weight, robot[1].weight)
     assert human[0].weight.shape != robot[0].weight.shape
     assert not torch.equal(human[2].weight, robot[2].weight)
     assert torch.equal(networks.counterpart_decoder.stack[1].weight, networks.decoder.stack[1].weight)
+
+
+@pytest.mark.parametrize("epochs", [1, 2, 6])
+def test_the_papers_robot_learns_however_few_epochs_there_are(epochs):
+    reports, _ = reports_and_model(replace(SMALL_PAPER, epochs=epochs))
+    assert [report.controlled > 0.0 for report in reports] == [epoch >= epochs // 3 for epoch in range(epochs)]
+    for preset in PRESETS.values():
+        assert all(replace(preset, epochs=few).observed_epochs < few for few in (1, 2, 10, 30, 40, 60))
 
 
 def test_the_prior_moves_between_epochs_until_it_is_frozen(monkeypatch):
@@ -177,3 +187,5 @@ def test_hidden_layers_are_carried_over_where_sizes_agree_and_nothing_else_is():
         if layers is not None and layers.specs[-1].kind == "dense":
             assert f"{chain}.stack.{len(layers.specs) - 1}" not in places
     assert carry_over(heir, {}) == ()
+    with pytest.raises(SetupError, match="no hidden layer of it has the name and size"):
+        next(train(TRIALS, PROTOCOLS["same"], SMALL, 0, start={"encoder.elsewhere.weight": np.zeros((3, 3))}))

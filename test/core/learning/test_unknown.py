@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What was never shown is told unknown: on made scores exactly, on recorded motions better than by a neighbour."""
+"""Unseen motions are detected as unknown: exactly on synthetic scores, better than nearest neighbour on recordings."""
 
 import numpy as np
 import pytest
@@ -43,7 +43,7 @@ def test_a_territory_keeps_people_in_and_stores_no_window():
         assert settled_scores(territory, trial, protocol).max() < 1.0
 
 
-def test_recorded_interactions_left_out_are_told_better_than_by_a_nearest_neighbour(mild_data):
+def test_recorded_interactions_left_out_are_detected_better_than_by_a_nearest_neighbour(mild_data):
     recording = DATASETS["buetepage_hr"]
     trials = recording.read(mild_data / recording.file).train
     chosen = [trial for fold in folds_of(trials)[:2] for trial in fold.held_out]

@@ -12,7 +12,7 @@ from test.core.learning.made_trials import made_trial
 
 
 def counting_trial(frames):
-    """Values tell their frame: the hand's x is the frame's number and so is each joint."""
+    """Values encode their frame: the hand's x is the frame's number and so is each joint."""
     trial = made_trial(0, frames=frames)
     observed = np.zeros((frames, 3, 3))
     observed[:, 2, 0] = np.arange(frames)
@@ -20,24 +20,24 @@ def counting_trial(frames):
 
 
 @pytest.mark.parametrize(
-    ("name", "frames", "windows", "first_seen", "first_told", "step"),
+    ("name", "frames", "windows", "first_seen", "first_target", "step"),
     [
         ("same", 100, 100 - 40 + 1, 0, 0, 1),
         ("ahead", 100, 100 - 80 + 1, 0, 40, 1),
         ("next", 103, 20 - 10 + 1, 0, 25, 5),
     ],
 )
-def test_each_window_holds_the_frames_of_its_protocol(name, frames, windows, first_seen, first_told, step):
+def test_each_window_holds_the_frames_of_its_protocol(name, frames, windows, first_seen, first_target, step):
     protocol = PROTOCOLS[name]
     made = cut(counting_trial(frames), protocol)
     assert len(made.observed) == len(made.controlled) == windows == protocol.windows_of(frames // step)
     for index in (0, 1, windows - 1):
         seen = np.arange(protocol.window) * step + first_seen + index * step
-        told = np.arange(protocol.window) * step + first_told + index * step
+        targets = np.arange(protocol.window) * step + first_target + index * step
         np.testing.assert_array_equal(made.observed[index, :, 6], seen)
-        np.testing.assert_array_equal(made.controlled[index, :, 0], told)
+        np.testing.assert_array_equal(made.controlled[index, :, 0], targets)
         # The contract of a model folder: row 0 of the answer lies `lead_frames` after the newest frame seen.
-        assert told[0] == seen[-1] + protocol.lead_frames * step
+        assert targets[0] == seen[-1] + protocol.lead_frames * step
 
 
 @pytest.mark.parametrize("name", PROTOCOLS)
@@ -59,7 +59,7 @@ def test_velocities_are_differences_per_second_after_the_positions():
     np.testing.assert_array_equal(features_of(trial, "positions"), trial.observed_m.reshape(20, 9))
 
 
-def test_thinning_keeps_every_fifth_frame_and_tells_the_rate():
+def test_thinning_keeps_every_fifth_frame_and_reports_the_rate():
     trial = thin(counting_trial(103), PROTOCOLS["next"])
     assert trial.rate_hz == 8.0
     np.testing.assert_array_equal(trial.controlled[:, 0], np.arange(20) * 5)
@@ -76,6 +76,6 @@ def test_feature_windows_are_the_cut_windows_stamped_by_their_newest_frame():
     np.testing.assert_array_equal(windows[3].features, made.observed[3])
 
 
-def test_a_misspelt_protocol_is_told_the_right_ones():
+def test_a_misspelt_protocol_lists_the_right_ones():
     with pytest.raises(SetupError, match="did you mean 'ahead'"):
         protocol_named("ahed")

@@ -48,7 +48,7 @@ def read(path: Path) -> Recorded:
 
 
 def as_published(frames: Recorded) -> Recorded:
-    """What arrives of it by the node: 14 joints of the upper body, optical axes, no confidence, nothing of nobody."""
+    """The node's messages of it: 14 joints of the upper body, optical axes, no confidence, none without a person."""
     names = tuple(SOURCES["nuitrack"].joint_ids.values())
     return [(stamp_ns, (_upper_body(people[0], names),)) for stamp_ns, people in frames if people]
 

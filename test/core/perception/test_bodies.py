@@ -78,7 +78,7 @@ def moved(frame: SkeletonFrame, way_m: FloatArray, person_id: int) -> SkeletonFr
 
 
 def bystander(frame: SkeletonFrame) -> SkeletonFrame:
-    """Somebody else, behind the watched person and to the side."""
+    """Another person, behind the watched person and to the side."""
     return moved(frame, np.array([0.8, 0.9, 0.0]), BYSTANDER)
 
 
@@ -154,7 +154,7 @@ def test_before_calibration_and_with_bystanders_alone_there_are_obstacles() -> N
         assert state.person.frame_id == ROBOT_FRAME
         assert not state.person.watched
         assert len(state.person.segments.parts) == 2 * len(BODY_PARTS)
-    assert all(state.person is None for state in states(early, SETTINGS)), "without a camera nobody knows where"
+    assert all(state.person is None for state in states(early, SETTINGS)), "without a camera the place is unknown"
     alone = [*seen(STAMPS_S), *[(bystander(frame),) for (frame,) in seen(at_rate(RATE_HZ, 1.0) + 2.0)]]
     for settings, frame_id in ((MEASURED, ROBOT_FRAME), (SETTINGS, ARM_FRAME)):
         pose = last(alone, settings)
@@ -164,7 +164,7 @@ def test_before_calibration_and_with_bystanders_alone_there_are_obstacles() -> N
         assert len(set(pose.segments.people) - {WATCHED_PERSON}) == 1
 
 
-def test_a_message_that_is_not_newer_has_no_pose_and_moves_nobody() -> None:
+def test_a_message_that_is_not_newer_has_no_pose_and_moves_no_one() -> None:
     messages = seen(STAMPS_S)
     before, after = states([*messages, messages[-1]])[-2:]
     assert after.outcome == "duplicate"
@@ -238,12 +238,12 @@ def test_a_body_that_vanishes_stays_and_grows_and_is_forgotten() -> None:
     assert other not in found[-1].person.segments.people
 
 
-def test_nobody_in_a_message_leaves_everyone_where_they_were() -> None:
+def test_an_empty_message_leaves_everyone_where_they_were() -> None:
     found = states([*seen(STAMPS_S), *[()] * 90])
     assert found[len(STAMPS_S)].person.segments.people, "a dropout"
     assert not found[len(STAMPS_S)].person.watched
     assert not found[-1].person.segments.people
-    assert found[-1].outcome == "nobody"
+    assert found[-1].outcome == "no_person"
 
 
 @pytest.mark.parametrize("size", [0.55, 0.7, 1.0])
@@ -367,7 +367,7 @@ def test_no_number_of_people_is_too_large_and_those_left_out_are_counted() -> No
     assert farthest < 0.5 * MOST_BODIES + 1.5, "the nearest are followed"
 
 
-def test_one_whose_clock_is_wrong_stops_nobody() -> None:
+def test_one_whose_clock_is_wrong_stops_no_one() -> None:
     messages = []
     for index, (frame,) in enumerate(seen(STAMPS_S)):
         late = replace(bystander(frame), stamp_ns=frame.stamp_ns + 10**18) if index == 20 else bystander(frame)
@@ -378,7 +378,7 @@ def test_one_whose_clock_is_wrong_stops_nobody() -> None:
         assert len(set(state.person.segments.people)) == 2
 
 
-def test_a_wrong_clock_among_bystanders_alone_renumbers_nobody() -> None:
+def test_a_wrong_clock_among_bystanders_alone_renumbers_no_one() -> None:
     messages: list[People] = []
     for index, (frame,) in enumerate(seen(STAMPS_S)):
         others = [moved(frame, np.array([0.8, side, 0.0]), 20 + place) for place, side in enumerate((-1.0, 0.9, 1.8))]

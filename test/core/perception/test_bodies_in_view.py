@@ -68,7 +68,7 @@ def body(
     joints: Iterable[str] = tuple(STANDING),
     moved: dict[str, tuple[float, ...]] | None = None,
 ) -> dict[str, np.ndarray]:
-    """Joints of somebody who stands there [m]; some of them elsewhere in the body's own axes."""
+    """Joints of a person who stands there [m]; some of them elsewhere in the body's own axes."""
     cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
     turn = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
     own = {name: stature_m * np.array(STANDING[name]) for name in joints}
@@ -100,7 +100,7 @@ def standing(seconds: float = 0.5, before: Bodies = NO_BODIES, start_s: float = 
 
 
 def parts(bodies: Bodies, number: int = WATCHED_PERSON, placing: Placing = HERE) -> dict[str, tuple]:
-    """Ends, velocities and radius of each part of somebody."""
+    """Ends, velocities and radius of each part of a person."""
     found = body_segments(bodies, placing, UP)
     each = zip(found.people, found.parts, found.ends_m, found.velocities_m_s, found.radii_m, strict=True)
     return {part: (ends, moving, radius) for who, part, ends, moving, radius in each if who == number}
@@ -149,7 +149,7 @@ def test_no_bone_makes_a_giant() -> None:
     assert found["trunk"][2] <= RADII_M[1] * TALLEST_M / ADULT_M + 0.01
 
 
-def test_whoever_walks_has_parts_that_move_and_are_where_they_are() -> None:
+def test_parts_of_a_walking_person_move_and_are_where_they_are() -> None:
     velocity, bodies = np.array([0.8, -0.5, 0.0]), NO_BODIES
     for frame in range(30):
         time_s = frame * PERIOD_S
@@ -176,7 +176,7 @@ def test_a_pose_s_frame_turns_places_and_velocities_and_moves_places_alone() -> 
 
 
 @pytest.mark.parametrize("yaw_rad", [0.0, 1.0, -2.5])
-def test_a_chest_points_where_somebody_faces(yaw_rad: float) -> None:
+def test_a_chest_points_where_the_person_faces(yaw_rad: float) -> None:
     bodies = standing(yaw_rad=yaw_rad)
     wanted = np.array([math.cos(yaw_rad), math.sin(yaw_rad), 0.0])
     np.testing.assert_allclose(facing_of(bodies.watched_body(), HERE), wanted, atol=0.02)
@@ -185,7 +185,7 @@ def test_a_chest_points_where_somebody_faces(yaw_rad: float) -> None:
     assert np.isnan(facing_of(None, HERE)).all()
 
 
-def test_without_shoulders_for_long_nobody_knows_where_somebody_faces() -> None:
+def test_without_shoulders_for_long_the_facing_is_unknown() -> None:
     shown = standing(1.0)
     hidden = [name for name in STANDING if "shoulder" not in name]
     soon = standing(FACING_S - 0.1, shown, 1.0, joints=hidden)
@@ -277,7 +277,7 @@ def test_a_joint_out_of_a_human_s_reach_is_a_tracker_s_error(joint: str, wrong: 
     bodies = after(shown, [person(body(moved={joint: wrong}), 1.0)], 1.0)
     plain, found = parts(shown), parts(bodies)
     for part in BODY_PARTS:
-        # Where the fingers end is told from the elbow's side of the hand, by the length of a hand at most.
+        # Where the fingers end is known from the elbow's side of the hand, by the length of a hand at most.
         fingers = 2.0 * TIP_FROM_HAND_M if (joint, part) == ("left_elbow", "left_forearm") else 0.02
         np.testing.assert_allclose(found[part][0], plain[part][0], atol=fingers)
 
@@ -336,7 +336,7 @@ def test_everyone_is_there_the_watched_one_by_one_number_and_others_by_their_own
 
 
 @pytest.mark.parametrize(("apart_m", "watched"), [(1.5, 0), (0.45, None)])
-def test_a_tracker_that_swaps_its_numbers_changes_nobody(apart_m: float, watched: int | None) -> None:
+def test_a_tracker_that_swaps_its_numbers_changes_no_one(apart_m: float, watched: int | None) -> None:
     """Also of two who stand so near that either could be where the other was."""
     bodies, aside = NO_BODIES, FAR + np.array([0.0, apart_m, 0.0])
     for frame in range(20):
@@ -347,7 +347,7 @@ def test_a_tracker_that_swaps_its_numbers_changes_nobody(apart_m: float, watched
     assert np.linalg.norm(found[2][:2] - aside[:2]) < 0.01
 
 
-def test_a_bystander_keeps_the_number_and_whoever_comes_gets_a_new_one() -> None:
+def test_a_bystander_keeps_the_number_and_a_newcomer_gets_a_new_one() -> None:
     bodies = NO_BODIES
     for frame in range(10):
         bodies = after(bodies, two(False, frame * PERIOD_S), frame * PERIOD_S)
@@ -388,7 +388,7 @@ def test_a_missing_body_goes_on_for_a_moment_takes_more_room_and_is_forgotten(ag
     assert after(gone, [], last_s + 5.2).everyone == ()
 
 
-def test_somebody_who_comes_back_under_another_number_is_the_same() -> None:
+def test_a_person_who_comes_back_under_another_number_is_the_same() -> None:
     bodies = standing(1.0)
     for frame in range(3):
         bodies = after(bodies, [], 1.0 + frame * PERIOD_S)
@@ -396,7 +396,7 @@ def test_somebody_who_comes_back_under_another_number_is_the_same() -> None:
     assert [one.number for one in back.everyone] == [1]
 
 
-def test_an_old_message_changes_nothing_and_a_time_long_before_begins_anew() -> None:
+def test_an_old_message_changes_nothing_and_a_time_long_before_resets() -> None:
     bodies = standing(1.0)
     assert after(bodies, [person(body(), 0.8)], 1.0) is bodies
     assert after(bodies, [person(body(), 29 * PERIOD_S)], 1.0) is bodies

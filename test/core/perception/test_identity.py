@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One person is watched, whatever the tracker calls them and whoever else walks in."""
+"""One person is watched, under changing tracker numbers and among other people."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ INTERLOPER = 2
 
 
 def beside(frame: SkeletonFrame, person_id: int = INTERLOPER, metres: float = 0.8) -> SkeletonFrame:
-    """Somebody else who does something else, to the side of the watched person and 20 cm nearer to the camera."""
+    """Another person with another motion, to the side of the watched person and 20 cm nearer to the camera."""
     positions = frame.positions_m + np.array([metres, 0.0, -0.2])
     positions[frame.joint_names.index("right_hand")] += 0.1 * np.sin(frame.stamp_ns * 1e-9)
     return replace(frame, person_id=person_id, positions_m=positions)
@@ -118,9 +118,9 @@ def test_waiting_is_by_the_clock_of_receipt_and_not_by_stamps(alone: list[People
         state, windows = perception.step(state, people, far + index * SECOND // 40)
         assert len(windows) == 1
     state, _ = perception.step(state, (), far + 2 * SECOND)
-    assert (state.outcome, state.calibration is None) == ("nobody", False)
+    assert (state.outcome, state.calibration is None) == ("no_person", False)
     state, _ = perception.step(state, (), far + 7 * SECOND)
-    assert (state.outcome, state.calibration is None) == ("nobody", True)
+    assert (state.outcome, state.calibration is None) == ("no_person", True)
 
 
 def test_a_body_that_shows_nothing_is_not_locked_on(alone: list[People]) -> None:
@@ -171,7 +171,7 @@ def test_a_person_whose_trunk_was_hidden_is_found_again_by_where_it_was(alone: l
     assert len(windows) == 120
 
 
-def test_bones_of_somebody_else_lead_to_a_new_calibration(alone: list[People]) -> None:
+def test_bones_of_another_person_lead_to_a_new_calibration(alone: list[People]) -> None:
     def giant(p: SkeletonFrame) -> SkeletonFrame:
         return replace(p, positions_m=p.positions_m[:1] + 1.5 * (p.positions_m - p.positions_m[:1]))
 
@@ -191,7 +191,7 @@ def _at_rest(times_s: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("joints", [3, 4])
-def test_one_joint_that_a_tracker_throws_away_makes_nobody_another_person(joints: int) -> None:
+def test_one_joint_that_a_tracker_throws_away_is_no_change_of_person(joints: int) -> None:
     trunk = tuple((0.2 * joint, 2.0, 1.0) for joint in range(joints))
     moved = tuple((x + 0.1, y, z) for x, y, z in trunk)
     assert apart_m(trunk, (*moved[:-1], (9.0, 9.0, 9.0))) == pytest.approx(0.1)

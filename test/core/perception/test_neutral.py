@@ -14,7 +14,7 @@ MS = 1_000_000
 
 
 def turned(yaw_rad: float, pitch_rad: float, roll_rad: float) -> np.ndarray:
-    """(3, 3) rotation whose columns are forward, left and up of somebody who turns, then leans."""
+    """(3, 3) rotation whose columns are forward, left and up of a person who turns, then leans."""
     (cy, cp, cr), (sy, sp, sr) = np.cos([yaw_rad, pitch_rad, roll_rad]), np.sin([yaw_rad, pitch_rad, roll_rad])
     about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
     about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
@@ -70,7 +70,7 @@ def test_axes_that_are_given_stay_as_they_are() -> None:
 
 
 @pytest.mark.parametrize("which", ["shoulder", "left shoulder", "pelvis"])
-def test_whoever_moves_anything_once_has_not_stood_still(which: str) -> None:
+def test_a_person_who_moves_anything_once_has_not_stood_still(which: str) -> None:
     still, trunk = [RIGHT.copy() for _ in range(10)], [np.stack([LEFT, RIGHT, PELVIS]) for _ in range(10)]
     moved = np.array([0.0, 0.06, 0.08])  # 10 cm in one frame of ten: 9 cm from the mean
     if which == "shoulder":
@@ -100,7 +100,7 @@ def test_jitter_is_no_motion_and_a_motion_no_jitter(rate_hz: float) -> None:
     assert min(of(swinging, 0.01)[0] for _ in range(20)) > 0.05
 
 
-def test_the_neutral_second_keeps_just_enough_frames_and_begins_anew_after_a_gap() -> None:
+def test_the_neutral_second_keeps_just_enough_frames_and_restarts_after_a_gap() -> None:
     frames: tuple[NeutralFrame, ...] = ()
     for stamp_ms in range(0, 1500, 100):
         frames = with_newest(frames, frame(stamp_ms, RIGHT), 1.0, 0.5)

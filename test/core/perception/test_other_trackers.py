@@ -78,7 +78,7 @@ REFUSALS = ("bone_length", "mirrored", "wrong_up_axis", "other_person")
 @pytest.mark.parametrize(
     ("joint", "place"),
     [
-        ("right_elbow", (0.1, 0.0, -0.15)),  # up beside the head
+        ("right_elbow", (0.0, -0.15, 0.0)),  # up beside the head
         ("right_hand", (-0.5, 0.25, 0.35)),  # across the body, away from where it swings
     ],
 )

@@ -77,6 +77,6 @@ def test_an_arm_that_is_not_believed_has_no_hand_but_a_head_and_a_trunk() -> Non
     np.testing.assert_allclose(pose.head_m, true_place("head"), atol=EXACT_M)
 
 
-def test_nobody_calibrated_is_nowhere() -> None:
+def test_without_a_calibrated_person_there_is_no_place() -> None:
     assert last_pose(people=seen(at_rate(30.0, 0.9))) is None
     assert last_pose(people=[*seen(STAMPS_S), *seen([1.5])]) is None, "a late frame says nothing of now"

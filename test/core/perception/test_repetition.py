@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A tracker that repeats itself to the bit under new stamps shows nobody who lives."""
+"""A tracker that repeats itself to the bit under new stamps shows no living person."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ def frozen(messages: list[People], joints: tuple[str, ...] = BODY_JOINTS) -> lis
 
 def outcomes(messages: list[People]) -> list[tuple[float, str, int, bool]]:
     """Stamp [s], outcome, number of windows and whether a watched person is in the pose, of each message."""
-    perception, told = Perception(SETTINGS), []
+    perception, seen = Perception(SETTINGS), []
     state = perception.init()
     for people in messages:
         stamp_ns = people[0].stamp_ns
         state, windows = perception.step(state, people, stamp_ns)
         watched = state.person is not None and state.person.watched
-        told.append((stamp_ns / SECOND, state.outcome, len(windows), watched))
-    return told
+        seen.append((stamp_ns / SECOND, state.outcome, len(windows), watched))
+    return seen
 
 
 ARM = ("right_shoulder", "right_elbow", "right_wrist", "right_hand")
@@ -80,7 +80,7 @@ def test_every_fifth_frame_may_come_twice() -> None:
     assert "frozen" not in run(messages)[0].counts
 
 
-def test_joints_that_nobody_sees_may_repeat_themselves_and_confidence_is_no_measurement() -> None:
+def test_unseen_joints_may_repeat_themselves_and_confidence_is_no_measurement() -> None:
     generator = np.random.default_rng(0)
     still = seen([0.0])[0][0]
     hidden = [place for place, joint in enumerate(BODY_JOINTS) if joint.startswith("left_")]

@@ -61,7 +61,7 @@ def test_a_rate_without_whole_nanoseconds_does_not_drift() -> None:
 
 
 @pytest.mark.parametrize("rate_hz", [5.0, 15.0, 40.0, 250.0])
-def test_losses_are_told_from_the_stamps_despite_jitter(rate_hz: float) -> None:
+def test_losses_are_counted_from_the_stamps_despite_jitter(rate_hz: float) -> None:
     generator = np.random.default_rng(2)
     index = np.flatnonzero(generator.random(1000) > 0.1)
     stamps = np.round((index + generator.uniform(-0.1, 0.1, len(index))) * 1e9 / rate_hz).astype(int).tolist()
@@ -99,7 +99,7 @@ def test_a_tracker_that_slows_down_is_followed() -> None:
         (160.0, 105.0, 1),
         (300.0, 105.0, 2),
         (3.0, 90.0, 0),  # two messages in a burst are not less than none missed
-        (1.0, 0.0, 0),  # of a flood: the tracker's rate has to show anew
+        (1.0, 0.0, 0),  # of a flood: the tracker's rate has to be estimated again
     ],
 )
 def test_one_interval_changes_the_estimate_a_little(interval_ms: float, estimated_ms: float, missed: int) -> None:
@@ -110,7 +110,7 @@ def test_one_interval_changes_the_estimate_a_little(interval_ms: float, estimate
 @pytest.mark.parametrize(("interval_ms", "gap"), [(101.0, False), (149.0, False), (151.0, True), (200.0, True)])
 def test_a_span_in_which_a_frame_should_have_been_is_a_gap(interval_ms: float, gap: bool) -> None:
     assert Cadence(0, 100e6).is_gap(round(interval_ms * 1e6)) == gap
-    assert not Cadence(0).is_gap(round(interval_ms * 1e6))  # of a second frame nobody knows the rate
+    assert not Cadence(0).is_gap(round(interval_ms * 1e6))  # after two frames the rate is unknown
 
 
 def test_grid_points_lie_on_the_nearest_nanosecond() -> None:
@@ -136,7 +136,7 @@ def test_a_bone_without_a_direction_stays_finite() -> None:
 
 
 def test_of_a_flood_nothing_is_missed_and_after_it_the_trackers_own_rate_counts() -> None:
-    """Messages of a flood come in bursts; what lies between them tells nothing."""
+    """Messages of a flood come in bursts; what lies between them is no information."""
     bursts = [number * 7_000_000 + within * 300_000 for number in range(200) for within in range(4)]
     after = [bursts[-1] + 33_000_000 * number for number in range(1, 60)]
     cadence, missed = Cadence(bursts[0]), 0

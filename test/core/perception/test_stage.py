@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The stage from messages to windows: known motions at every rate, what is refused and why, what starts anew."""
+"""The stage from messages to windows: known motions at every rate, what is refused and why, what resets."""
 
 from __future__ import annotations
 
@@ -33,17 +33,8 @@ EXACT_M = 1e-9
 """Positions are rotated and scaled in float64 at the scale of metres: about 1e-15 of them is lost."""
 
 OUTCOMES = {
-    *(
-        "accepted",
-        "calibrating",
-        "moving",
-        "interrupted",
-        "nobody",
-        "other_person",
-        "duplicate",
-        "out_of_order",
-        "unknown_frame",
-    ),
+    *("accepted", "calibrating", "moving", "interrupted", "no_person", "other_person", "duplicate", "out_of_order"),
+    "unknown_frame",
     *("missing_joint", "not_finite", "zeroed", "out_of_range", "low_confidence", "bone_length"),
     *("flat_torso", "wrong_up_axis", "wrong_forward_axis", "mirrored"),
 }
@@ -118,7 +109,7 @@ REFUSED = {
         frame, joint_names=frame.joint_names[:13], positions_m=frame.positions_m[:13], confidence=frame.confidence[:13]
     ),
     "unknown_frame": lambda frame: replace(frame, frame_id="another_camera"),
-    "nobody": lambda frame: None,
+    "no_person": lambda frame: None,
 }
 
 
@@ -193,7 +184,7 @@ def test_the_same_stamp_twice_and_a_late_message_are_counted_and_change_nothing(
         np.testing.assert_array_equal(one.features, other.features)
 
 
-def test_a_bag_that_loops_starts_anew() -> None:
+def test_a_bag_that_loops_resets() -> None:
     messages = seen(at_rate(40.0, 3.0))
     state, once = run(messages)
     state, twice = run(messages, state=state)

@@ -30,7 +30,7 @@ HIGH: Arms = (
     np.array([[0.0, 0.0, 0.0], [0.02, 0.0, 0.3], [0.25, 0.0, 0.1]]),
     np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.27], [0.43, 0.0, 0.1]]),
 )
-"""The same of somebody who rests the elbow on high: for arms that stand on a table and cannot hang."""
+"""The same of a person who rests the elbow on high: for arms that stand on a table and cannot hang."""
 
 STANDING = Standing((1.1, 0.0, 0.2), np.pi, {"handshake": (1.1, 0.0, 0.2)})
 AWAY_RAD = 0.3
@@ -50,7 +50,7 @@ class Offer:
         hand_m: (3,) where it is held out, in the robot's base frame.
         arms: The partner's, at rest and where hands meet.
         held_s: For so long.
-        parts: Of the person that are told; without any, nothing is kept away from.
+        parts: Of the person that are published; without any, nothing is kept away from.
     """
 
     robot: RobotModel
@@ -76,7 +76,7 @@ class Offer:
         return hand
 
     def inputs(self) -> Iterator[tuple[int, RetargetingInput]]:
-        """What retargeting is told: where the robot is, the person at 30 Hz, motions at 40 Hz, ticks at 100 Hz."""
+        """Inputs of retargeting: where the robot is, the person at 30 Hz, motions at 40 Hz, ticks at 100 Hz."""
         yield START_NS, JointMeasurement(START_NS, self.robot.joint_names, self.robot.home_rad)
         next_pose_ns = next_motion_ns = START_NS
         for now_ns in range(START_NS, START_NS + round(self.duration_s * 1e9), TICK_NS):

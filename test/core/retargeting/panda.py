@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The Franka Panda that comes with PyBullet, as a user would tell of it: in a robot file."""
+"""The Franka Panda that comes with PyBullet, as a user would describe it: in a robot file."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ Ends = dict[str, tuple[FloatArray, FloatArray]]
 
 
 def body_ends(hand_m: FloatArray, head_m: FloatArray, shoulders_m: FloatArray, hips_m: FloatArray) -> Ends:
-    """Ends of each part of somebody whose right hand, head, middle of shoulders and of hips are there."""
+    """Ends of each part of a person whose right hand, head, middle of shoulders and of hips are there."""
     up = (shoulders_m - hips_m) / max(float(np.linalg.norm(shoulders_m - hips_m)), 1e-9)
     forward = hand_m - shoulders_m
     forward = forward - (forward @ up) * up

@@ -70,7 +70,7 @@ class Followed:
 def follow(
     retargeting: Retargeting, motion: Callable[[float], FloatArray], duration_s: float, tick_ns: int = TICK_NS
 ) -> Followed:
-    """Follow `motion` (seconds from the start -> (J,) positions) for `duration_s`, told one second ahead at 40 Hz."""
+    """Follow `motion` (seconds from the start -> (J,) positions) for `duration_s`, given one second ahead at 40 Hz."""
     state = retargeting.init()
     state, _ = retargeting.step(state, measurement(motion(0.0)), START_NS)
     commands: list[JointCommand] = []

@@ -49,7 +49,7 @@ EVENTS = st.builds(
 
 
 STANDING = Standing((0.9, 0.1, 0.7), np.pi, {"handshake": (0.7, 0.0, 0.6)})
-"""Nearer than anybody should stand, so that everything is met that can be met."""
+"""Closer than a person should stand, so that everything is met that can be met."""
 
 
 def _pose(event: Event, rng: np.random.Generator, stamp_ns: int) -> PersonPose:
@@ -113,7 +113,7 @@ def check_clearance(retargeting: Retargeting, commands: list[JointCommand]) -> N
     assert clear_m.min() >= min(0.0, clear_m[0]) - BETWEEN_M
 
 
-# Each run tells the same stories; two thousand others were told once.
+# Each run takes the same seeds; two thousand others were run once.
 @settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(st.lists(EVENTS, min_size=20, max_size=150))
 def test_commands_are_continuous_and_inside_every_limit(retargeting: Retargeting, events: list[Event]) -> None:

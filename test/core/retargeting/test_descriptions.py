@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Descriptions as others write them: read as they are meant, or told in one line why not."""
+"""Descriptions as others write them: read as they are meant, or rejected in one line that says why."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ def poses(robot: RobotModel) -> np.ndarray:
 
 
 def in_order(robot: RobotModel, order: np.ndarray) -> RobotModel:
-    """The same robot with its joints told in another order."""
+    """The same robot with its joints listed in another order."""
     arrays = ("lower_rad", "upper_rad", "velocity_rad_s", "acceleration_rad_s2", "jerk_rad_s3", "home_rad")
     names = tuple(robot.joint_names[place] for place in order)
     return replace(robot, joint_names=names, **{name: getattr(robot, name)[order] for name in arrays})
@@ -96,7 +96,7 @@ def test_the_least_of_several_pairs_counts_and_far_ones_are_far() -> None:
     assert least_clearance(placed, sizes, placed, sizes, pairs[:0], 0.3) == 0.3
 
 
-def test_joints_may_be_told_in_any_order() -> None:
+def test_joints_may_be_listed_in_any_order() -> None:
     order = np.array([3, 0, 6, 1, 5, 2, 4])
     shuffled = in_order(YUMI, order)
     start = np.clip(YUMI.home_rad + 0.2, YUMI.lower_rad + 0.1, YUMI.upper_rad - 0.1)

@@ -22,7 +22,7 @@ from mild_core.retargeting.clearance import BREACHES, LEAST_M_S, LOOK_SELF_M, fi
 from mild_core.retargeting.guard import APART_M, HAND_ROOM_M, ROUNDING, TOO_FAST, UNPACED_M, Guard
 from mild_core.retargeting.kinematics import read_tree
 from mild_core.retargeting.limiter import JointMotion, Limiter
-from mild_core.retargeting.obstacles import NOBODY, Obstacles
+from mild_core.retargeting.obstacles import NO_ONE, Obstacles
 from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.robots import ROBOTS
 from mild_core.retargeting.robots.yumi import YUMI
@@ -112,7 +112,7 @@ def test_no_tool_is_faster_than_the_guard_says(robot: RobotModel) -> None:
     for _ in range(50):
         pose, rates = rng.uniform(robot.lower_rad, robot.upper_rad), rng.normal(0.0, 1.0, len(robot.joint_names))
         tool_m_s = (guard.chain.tool(pose + STEP_S * rates) - guard.chain.tool(pose - STEP_S * rates)) / (2.0 * STEP_S)
-        assert guard.arm_speed(pose, rates, NOBODY) > np.linalg.norm(tool_m_s) - 1e-6
+        assert guard.arm_speed(pose, rates, NO_ONE) > np.linalg.norm(tool_m_s) - 1e-6
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -165,7 +165,7 @@ def test_clearance_falls_no_faster_than_the_arm_and_the_person_come_nearer(guard
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_points_all_around_the_arm_count_towards_somebody_who_comes(guard: Guard, seed: int) -> None:
+def test_points_all_around_the_arm_count_towards_an_approaching_person(guard: Guard, seed: int) -> None:
     pose, rates, people = scene(seed)
     coming = among(people.ends_m, np.full((3, 2, 3), 1.0), people.radii_m)
     given = np.zeros(1), pose[None], rates[None]
@@ -301,7 +301,7 @@ def test_what_a_stop_would_break_as_badly_is_allowed_and_nothing_worse() -> None
         assert breach({place: value}, {place: value}) == ("", -1)
         assert breach({place: worse}, {place: value})[0] != ""
         assert breach({place: value}, {})[0] != ""
-    # Whoever is too near: what counts is how near the looks themselves come, beside those of a stop.
+    # A person who is too close: what counts is how near the looks themselves come, beside those of a stop.
     assert breach({1: 0.0, 2: 0.02}, {1: 0.01, 2: 0.02}) == ("", -1)
     assert breach({1: 0.0, 2: 0.03}, {1: 0.01, 2: 0.02}) == ("", -1)
     assert breach({1: 0.0, 2: 0.01}, {1: 0.01, 2: 0.02}) == ("refused_keep_out", 0)
@@ -310,7 +310,7 @@ def test_what_a_stop_would_break_as_badly_is_allowed_and_nothing_worse() -> None
 
 
 def still_ball(metres: float) -> Obstacles:
-    """Somebody's ball of 5 cm before the arm at home, so far from it."""
+    """A person's ball of 5 cm before the arm at home, so far from it."""
     points, radii = arm(np.array(YUMI.home_rad))
     flat = points.reshape(-1, 3)
     foremost = flat[:, 0].argmax()
@@ -327,7 +327,7 @@ def checked(guard: Guard, speed_rad_s: float, people: Obstacles) -> str:
     return guard.check_motion(limiter, now, then, 0.01, guard.here(now, people), people).refusal
 
 
-def test_while_somebody_comes_fast_only_an_arm_that_gives_way_may_turn_a_little_towards_them(guard: Guard) -> None:
+def test_while_a_person_comes_fast_only_an_arm_that_gives_way_may_turn_a_little_towards_them(guard: Guard) -> None:
     still = still_ball(0.2)
     people = among(still.ends_m, np.tile([-1.0, 0.0, 0.0], (1, 2, 1)), still.radii_m, horizon_s=0.05)
     limiter = Limiter(YUMI.velocity_rad_s, YUMI.acceleration_rad_s2, YUMI.jerk_rad_s3)
@@ -340,7 +340,7 @@ def test_while_somebody_comes_fast_only_an_arm_that_gives_way_may_turn_a_little_
     assert guard.check_motion(*given, giving_way=True).refusal == ""
 
 
-def test_beside_somebody_a_fast_motion_is_refused_and_a_slow_one_taken(guard: Guard) -> None:
+def test_beside_a_person_a_fast_motion_is_rejected_and_a_slow_one_taken(guard: Guard) -> None:
     near, far = still_ball(0.2), still_ball(2.0)
     assert checked(guard, 0.0, near) == ""
     assert checked(guard, 0.1, near) == ""
@@ -380,7 +380,7 @@ def test_the_robot_s_own_clearance_is_less_what_its_parts_keep(guard: Guard) -> 
 
 
 @pytest.mark.parametrize(("outside_m", "nearness"), [(-0.1, 1.0), (0.0, 1.0), (0.1, 0.5), (0.2, 0.0), (1.0, 0.0)])
-def test_the_nearer_somebody_is_the_more_hands_may_hurry_to_meet(
+def test_the_nearer_a_person_is_the_more_hands_may_hurry_to_meet(
     guard: Guard, outside_m: float, nearness: float
 ) -> None:
     assert guard.nearness(SETTINGS.near_m + outside_m) == pytest.approx(nearness)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What retargeting does when somebody interferes: the operator, the clock, a hand on the robot, a saved state."""
+"""What retargeting does under interference: the operator, the clock, a hand on the robot, a saved state."""
 
 from __future__ import annotations
 
@@ -152,7 +152,7 @@ def _story() -> Iterable[tuple[int, Given]]:
             yield now_ns, None
 
 
-def _told(retargeting: Retargeting, state: RetargetingState, story: Iterable[tuple[int, Given]]) -> list[bytes]:
+def _ensembles(retargeting: Retargeting, state: RetargetingState, story: Iterable[tuple[int, Given]]) -> list[bytes]:
     said = []
     for now_ns, given in story:
         state, commands = retargeting.step(state, given, now_ns)
@@ -163,20 +163,20 @@ def _told(retargeting: Retargeting, state: RetargetingState, story: Iterable[tup
 def test_the_same_story_gives_the_same_bits_from_any_saved_state() -> None:
     story = list(_story())
     whole = Retargeting(YUMI)
-    said = _told(whole, whole.init(), story)
+    said = _ensembles(whole, whole.init(), story)
     assert len(said) > 300
     used, state, spoken = Retargeting(YUMI), whole.init(), 0
     for place, (now_ns, given) in enumerate(story):
         if place % 100 == 50:
             saved = pickle.loads(pickle.dumps(state))
             # A planner that has just worked on something else, and one that never worked.
-            assert _told(used, saved, story[place:]) == said[spoken:]
-            assert _told(Retargeting(YUMI), saved, story[place:]) == said[spoken:]
+            assert _ensembles(used, saved, story[place:]) == said[spoken:]
+            assert _ensembles(Retargeting(YUMI), saved, story[place:]) == said[spoken:]
         state, commands = used.step(state, given, now_ns)
         spoken += len(commands)
 
 
-def test_a_measurement_while_disabled_starts_the_commands_anew() -> None:
+def test_a_measurement_while_disabled_restarts_the_commands() -> None:
     run = Run()
     run.wait(0.1)
     run.give(Request("disable"), measurement(AWAY, run.now_ns), Request("enable"))
@@ -188,7 +188,7 @@ def test_a_measurement_while_disabled_starts_the_commands_anew() -> None:
     assert "gap" not in run.state.counts
 
 
-def test_without_a_plan_the_robot_is_told_to_stay_and_it_is_counted() -> None:
+def test_without_a_plan_the_robot_is_commanded_to_stay_and_it_is_counted() -> None:
     run = Run()
     run.wait(0.5, AWAY)
     assert run.state.motion is not None

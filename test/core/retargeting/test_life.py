@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The life of an interaction: ready, somebody starts, the hands meet, it ends, home, ready again; and the emergency."""
+"""The life of an interaction: ready, a person starts, the hands meet, it ends, home, ready again; and the emergency."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def test_an_interaction_that_ends_in_full_flight_breaks_no_limit() -> None:
     check_limits(YUMI, run.commands)
 
 
-def test_the_robot_stays_at_home_while_nobody_starts() -> None:
+def test_the_robot_stays_at_home_while_no_one_starts() -> None:
     run = Meeting()
     run.meet(2.0, REST_M, AWAY)
     assert run.last.mode == "ready"

@@ -15,7 +15,7 @@ from mild_core.retargeting.obstacles import (
     AGED_S,
     HORIZON_S,
     KEPT_S,
-    NOBODY,
+    NO_ONE,
     TOUCHED_M,
     ZONE_MARGIN_M,
     Crowd,
@@ -58,15 +58,15 @@ def test_everyone_goes_on_until_the_command_is_carried_out_and_no_longer_than_th
 
 
 @pytest.mark.parametrize("age_s", [0.0, AGED_S, 0.5, 4.0])
-def test_the_longer_ago_somebody_was_seen_the_more_room_they_get(age_s: float) -> None:
+def test_the_longer_ago_a_person_was_seen_the_more_room_they_get(age_s: float) -> None:
     wider = min(max(age_s - AGED_S, 0.0) * AGED_M_S, AGED_MOST_M)
     np.testing.assert_allclose(after(age_s).radii_m, crowd().segments.radii_m + wider, atol=1e-6)
 
 
-def test_after_long_enough_nobody_is_there_any_more() -> None:
+def test_after_long_enough_a_missing_person_is_gone() -> None:
     assert len(after(KEPT_S - 0.01).people) == 22
-    assert after(KEPT_S + 0.01) is NOBODY
-    assert obstacles_of(None, SETTINGS, None, None, NOWHERE, START_NS) is NOBODY
+    assert after(KEPT_S + 0.01) is NO_ONE
+    assert obstacles_of(None, SETTINGS, None, None, NOWHERE, START_NS) is NO_ONE
 
 
 def test_what_is_kept_from_everyone_alike_where_the_camera_is_known() -> None:
@@ -85,7 +85,7 @@ def test_people_whose_place_is_a_guess_are_placed_and_kept_from_by_all_that_it_m
     np.testing.assert_allclose(found.velocities_m_s[0, 0], [-VELOCITY[1], VELOCITY[0], 0.0], atol=1e-9)
     np.testing.assert_allclose(found.keep_m, SETTINGS.keep_out_m + SETTINGS.placement_uncertainty_m)
     np.testing.assert_allclose(found.zones_m, SETTINGS.near_m + ZONE_MARGIN_M + SETTINGS.placement_uncertainty_m)
-    assert after(0.0, crowd(ARM_FRAME)) is NOBODY
+    assert after(0.0, crowd(ARM_FRAME)) is NO_ONE
     moved = obstacles_of(crowd(ARM_FRAME), SETTINGS, standing, (0.5, 0.2, 0.6), NOWHERE, START_NS)
     np.testing.assert_allclose(moved.ends_m - found.ends_m, np.broadcast_to([-0.5, 0.0, 0.0], moved.ends_m.shape))
 
@@ -121,7 +121,7 @@ def test_only_the_watched_forearm_with_the_hand_in_it_may_be_touched() -> None:
 
 
 @pytest.mark.parametrize("hand", [NOWHERE, HAND + np.array([0.0, TOUCHED_M + 0.2, 0.0]), OTHER["right_forearm"][1]])
-def test_a_hand_that_is_unknown_far_from_the_forearm_or_somebody_else_s_is_not_touched(hand: np.ndarray) -> None:
+def test_a_hand_that_is_unknown_far_from_the_forearm_or_another_person_s_is_not_touched(hand: np.ndarray) -> None:
     found = after(0.0, crowd(known=segments([(0, WATCHED), (3, OTHER)])), hand=hand)
     assert found.offered == -1
     assert found.touchable() is found

@@ -9,7 +9,7 @@ import pytest
 from mild_core.retargeting.chain import chain_of
 from mild_core.retargeting.guard import PACE, Guard
 from mild_core.retargeting.limiter import JointMotion
-from mild_core.retargeting.obstacles import NOBODY, Obstacles
+from mild_core.retargeting.obstacles import NO_ONE, Obstacles
 from mild_core.retargeting.robots.yumi import YUMI
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.retargeting.yielding import Yielding
@@ -23,7 +23,7 @@ AXES = {"x": 0, "y": 1, "z": 2}
 
 
 def ball(away_m: np.ndarray, velocity_m_s: np.ndarray, keep_m: float = 0.05, offered: int = -1) -> Obstacles:
-    """Somebody's ball of 5 cm, so far from the robot's hand."""
+    """A person's ball of 5 cm, so far from the robot's hand."""
     ends, moving = np.tile(TOOL_M + away_m, (1, 2, 1)), np.tile(velocity_m_s, (1, 2, 1))
     return Obstacles(
         (1,), ("head",), ends, moving, np.array([0.05]), np.array([keep_m]), np.array([0.32]), 0.4, offered
@@ -51,28 +51,28 @@ def test_a_head_that_comes_at_the_hand_is_given_way_to(direction: list[float]) -
 
 
 @pytest.mark.parametrize("away_m", [0.15, 0.3, 1.0])
-def test_whoever_stands_still_outside_of_what_is_kept_moves_nothing(away_m: float) -> None:
+def test_a_person_who_stands_still_outside_of_the_kept_distance_moves_nothing(away_m: float) -> None:
     assert retreat(ball(np.array([away_m + 0.15, 0.0, 0.0]), np.zeros(3))) is None
-    assert retreat(NOBODY) is None
+    assert retreat(NO_ONE) is None
 
 
-def test_whoever_goes_away_moves_nothing_and_whoever_is_too_near_does() -> None:
+def test_a_person_who_leaves_moves_nothing_and_one_who_is_too_near_does() -> None:
     assert retreat(ball(np.array([0.25, 0.0, 0.0]), np.array([1.0, 0.0, 0.0]))) is None
     assert retreat(ball(np.array([0.05, 0.0, 0.0]), np.zeros(3))) is not None
 
 
-def test_the_nearer_and_the_faster_somebody_comes_the_faster_the_arm_goes() -> None:
+def test_the_nearer_and_the_faster_a_person_comes_the_faster_the_arm_goes() -> None:
     speeds = []
     for away_m, speed in ((0.25, 0.5), (0.25, 0.7), (0.2, 0.7)):
         rates = retreat(ball(np.array([away_m, 0.0, 0.0]), np.array([-speed, 0.0, 0.0])))
-        speeds.append(0.0 if rates is None else GUARD.arm_speed(YUMI.home_rad, rates, NOBODY))
+        speeds.append(0.0 if rates is None else GUARD.arm_speed(YUMI.home_rad, rates, NO_ONE))
     assert speeds[0] < speeds[1] < speeds[2]
 
 
 def test_no_point_of_the_arm_gives_way_faster_than_is_allowed_near_people() -> None:
     rates = retreat(ball(np.array([0.1, 0.0, 0.0]), np.array([-5.0, 0.0, 0.0])))
     assert rates is not None
-    assert GUARD.arm_speed(YUMI.home_rad, rates, NOBODY) <= PACE * SETTINGS.near_speed_m_s + 1e-6
+    assert GUARD.arm_speed(YUMI.home_rad, rates, NO_ONE) <= PACE * SETTINGS.near_speed_m_s + 1e-6
     assert (np.abs(rates) <= YUMI.velocity_rad_s + 1e-9).all()
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tells on `handled` what became of each input, when somebody wants to know."""
+"""Publishes the outcome of each input on `handled`, on request."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from std_msgs.msg import Header
 
 from mild_ros.guarded import UNUSABLE, GuardedNode
 from mild_ros.messages.handled import Handled, handled_to_msg
-from mild_ros.quality_of_service import FATE
+from mild_ros.quality_of_service import HANDLED
 
 
-class Fates:
-    """The fate of every input.
+class OutcomePublisher:
+    """The outcome of every input.
 
     Args:
         node: Whose.
@@ -19,7 +19,7 @@ class Fates:
     """
 
     def __init__(self, node: GuardedNode, wanted: bool) -> None:
-        self._publisher = node.create_publisher(Header, "handled", FATE) if wanted else None
+        self._publisher = node.create_publisher(Header, "handled", HANDLED) if wanted else None
         node.on_lost = lambda: self.report(node.executable, 0, UNUSABLE, node.get_clock().now().nanoseconds)
 
     def report(self, stage: str, outputs: int, outcome: str, stamp_ns: int) -> None:
