@@ -50,6 +50,7 @@ class ModelFacts:
         side: Arm of the person.
         placement: Where the person stands.
         training: For people: data set, licence, split, trials, seeds, revision.
+        licence: Of all that was learned from, see `Manifest.licence`.
         errors: Measured ones, for people.
     """
 
@@ -58,6 +59,7 @@ class ModelFacts:
     side: str = "right"
     placement: HumanPlacement = ORIGIN
     training: Mapping[str, Any] = field(default_factory=dict)
+    licence: str = ""
     errors: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -145,6 +147,7 @@ def _manifest(
         members=members,
         robot_from_human=facts.placement,
         training=facts.training,
+        licence=facts.licence,
         errors=facts.errors,
     )
 

@@ -68,6 +68,7 @@ def evaluate(
         Path | None, typer.Option(metavar="FILE", help="A people file: how the model does with these people.")
     ] = None,
     interaction: Annotated[str, typer.Option(help="With --people: auto, or given: it is what the file says.")] = "auto",
+    cautious: Annotated[bool, typer.Option("--cautious", help="With --people: with the parameter `cautious`.")] = False,
     seeds: Annotated[int, typer.Option(min=1, help="With --cv: runs of each method that draws at random.")] = 3,
     method: Annotated[list[str] | None, typer.Option(help="With --cv: only this one; may be repeated.")] = None,
     workers: Annotated[int, typer.Option(min=0, help="With --cv: processes [default: one per core].")] = 0,
@@ -156,7 +157,7 @@ def evaluate(
             raise SetupError("--people", "measures a model", "give --model NAME too")
         from mild_ros.command_line.people import evaluate_people
 
-        evaluate_people(people, model, interaction, json)
+        evaluate_people(people, model, interaction, json, cautious)
         return
     if model:
         _evaluate_model(model, dataset, data, protocol, split, labels, json)

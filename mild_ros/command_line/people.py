@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 GIVEN = ("auto", "given")
 
 
-def evaluate_people(file: Path, model_name: str, interaction: str, json: bool) -> None:
+def evaluate_people(file: Path, model_name: str, interaction: str, json: bool, cautious: bool = False) -> None:
     """Print how a model does with the people of a file.
 
     Raises:
@@ -49,17 +49,22 @@ def evaluate_people(file: Path, model_name: str, interaction: str, json: bool) -
     @cache  # one for each interaction: compiled once
     def pipeline_for(given: str, joint_names: tuple[str, ...]) -> Pipeline:
         parameters = PipelineParameters(
-            model=model_name, interaction=given, source="pose_array", joint_names=joint_names, source_axes="rep103"
+            model=model_name,
+            interaction=given,
+            cautious=cautious,
+            source="pose_array",
+            joint_names=joint_names,
+            source_axes="rep103",
         )
         return make_pipeline(parameters, model)
 
     watched: list[Watched] = []
-    distances: dict[str, list[FloatArray]] = {told: [] for told in GIVEN}
+    distances: dict[str, list[FloatArray]] = {label: [] for label in GIVEN}
     for recording in track(recordings, "watching", console=Console(stderr=True), transient=True):
         name = of_ours.get(SAME.get(recording.label, recording.label), "")
         known = recording if name else replace(recording, label="")
-        told = {"auto": "auto", "given": name or "auto"}
-        pipelines = {key: pipeline_for(value, recording.joint_names) for key, value in told.items()}
+        labels = {"auto": "auto", "given": name or "auto"}
+        pipelines = {key: pipeline_for(value, recording.joint_names) for key, value in labels.items()}
         for person in range(recording.people):
             watched.append(watch(pipelines[interaction], known, person))
             if name and meeting(recording).any():
@@ -68,7 +73,7 @@ def evaluate_people(file: Path, model_name: str, interaction: str, json: bool) -
     found: dict[str, Any] = {"model": model.manifest.name, "file": file.name, "interaction": interaction}
     found |= summarise(watched)
     if any(recording.people == 2 for recording in recordings):
-        found["contact"] = {told: contact_of(distances[told]) for told in ("given", "auto")}
+        found["contact"] = {label: contact_of(distances[label]) for label in ("given", "auto")}
     if json:
         typer.echo(json_text.dumps(found))
         return

@@ -6,7 +6,7 @@ counts from the stamp and is negative for frames that lie before it. `motion` of
 `sensor_msgs/PointCloud2`: one row per frame; shoulder, elbow and hand in the partner's arm frame [m].
 `motion_state` is a `sensor_msgs/PointCloud2` with one point: interaction (its place in the model's list, -1 when
 unknown), probability, phase, out_of_distribution, lead and period [ns], state (its place among
-`signals.RECOGNITION_STATES`), radius_50 and radius_90 (Mahalanobis distances in the covariance
+`signals.RECOGNITION_STATES`), may_start (1 or 0), radius_50 and radius_90 (Mahalanobis distances in the covariance
 within which half and nine tenths of the true values lie), belief_0 ..., covariance_0 ... row by row. The
 interaction's name is its frame_id.
 """
@@ -26,7 +26,7 @@ from mild_ros.messages.point_cloud import array_from_msg, array_to_msg
 from mild_ros.messages.stamps import duration_to_msg, ns_from_msg, time_to_msg
 from mild_ros.messages.standard import Header, JointTrajectory, JointTrajectoryPoint, PointCloud2
 
-SCALARS = ("interaction", "probability", "phase", "out_of_distribution", "lead_ns", "period_ns", "state")
+SCALARS = ("interaction", "probability", "phase", "out_of_distribution", "lead_ns", "period_ns", "state", "may_start")
 RADII = ("radius_50", "radius_90")
 
 LONGEST_NS = 100e9
@@ -59,7 +59,8 @@ def motion_state_to_msg(motion: MotionWindow, interactions: tuple[str, ...]) -> 
     """All the rest of a motion; `interactions` are the model's, in its order."""
     known = motion.interaction in interactions
     scalars = [interactions.index(motion.interaction) if known else -1, motion.probability, motion.phase]
-    scalars += [motion.out_of_distribution, motion.lead_ns, motion.period_ns, RECOGNITION_STATES.index(motion.state)]
+    scalars += [motion.out_of_distribution, motion.lead_ns, motion.period_ns]
+    scalars += [RECOGNITION_STATES.index(motion.state), float(motion.may_start)]
     scalars += motion.radii
     values = np.concatenate([np.array(scalars, dtype=np.float64), motion.belief, motion.covariance.ravel()])
     names = SCALARS + RADII + _numbered("belief", motion.belief.size) + _numbered("covariance", motion.covariance.size)
@@ -80,7 +81,7 @@ def motion_from_msgs(motion: Any, state: Any) -> MotionWindow:
     expected = SCALARS + RADII + _numbered("belief", beliefs) + _numbered("covariance", size**2)
     if values.shape[:2] != (1, 1) or names != expected or ns_from_msg(state.header.stamp) != stamp_ns:
         raise DataError("wrong_layout", f"motion of {size} values with a state of {len(names)} fields")
-    _, probability, phase, out_of_distribution, lead, period, place = values[0, 0, : len(SCALARS)].tolist()
+    _, probability, phase, out_of_distribution, lead, period, place, may_start = values[0, 0, : len(SCALARS)].tolist()
     lead_ns, period_ns = _times(lead, period)
     if place not in range(len(RECOGNITION_STATES)):
         raise DataError("wrong_layout", f"a motion in state {place:g} of {len(RECOGNITION_STATES)}")
@@ -99,6 +100,7 @@ def motion_from_msgs(motion: Any, state: Any) -> MotionWindow:
         out_of_distribution=out_of_distribution,
         state=RECOGNITION_STATES[int(place)],
         radii=(float(radii[0]), float(radii[1])),
+        may_start=may_start == 1.0,
     )
 
 
