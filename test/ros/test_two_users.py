@@ -76,6 +76,7 @@ def test_the_second_user_finds_a_domain_and_a_folder(tmp_path: Path) -> None:
 
 @needs_root
 @pytest.mark.heavy
+@pytest.mark.timeout(1200)
 def test_both_run_the_demo_at_once(tmp_path: Path) -> None:
     tmp_path.chmod(0o777)
     command = ("-m", "mild_ros.command_line.main", "demo")
