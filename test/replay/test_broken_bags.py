@@ -234,9 +234,7 @@ def test_garbage_in_one_message_is_distinguished_from_a_broken_bag(tmp_path):
 def test_the_search_goes_on_behind_a_record_that_makes_no_sense(tmp_path):
     file = next(write_ours(tmp_path / "bag").glob("*.mcap"))
     data = bytearray(file.read_bytes())
-    record = [found.start() for found in re.finditer(b"zstd", data)][
-        2
-    ] - 41  # its head and the chunk's
+    record = [found.start() for found in re.finditer(b"zstd", data)][2] - 41  # its head and the chunk's
     data[record : record + 9] = b"\xff" * 9
     file.write_bytes(bytes(data))
     assert positions(file, salvage=True) == EXPECTED[:20] + EXPECTED[30:]
