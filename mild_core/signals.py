@@ -189,6 +189,8 @@ class MotionWindow:
         out_of_distribution: Distance of the human's motion from all that the model knows, in units of the largest
             distance it should see: above 1 is unknown.
         state: One of `RECOGNITION_STATES`.
+        radii: Mahalanobis distances in `covariance` within which half and nine tenths of the true values lie, in people
+            whom the model has not learned from; NaN where that is not known.
     """
 
     stamp_ns: int
@@ -203,6 +205,7 @@ class MotionWindow:
     phase: float
     out_of_distribution: float
     state: str = NAMED
+    radii: tuple[float, float] = (float("nan"), float("nan"))
 
     def __post_init__(self) -> None:
         for name in ("positions", "covariance", "belief"):

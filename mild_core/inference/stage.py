@@ -366,6 +366,7 @@ class Inference:
         self, window: FeatureWindow, recognition: Recognition, strangeness: float, generated: Generated, state_name: str
     ) -> MotionWindow:
         manifest = self.model.manifest
+        regions = recognition.probabilities @ self.model.radii
         controlled = manifest.controlled
         rows = generated.motion if controlled.unit == "rad" else generated.motion.reshape(manifest.window, -1, 3)
         return MotionWindow(
@@ -381,6 +382,7 @@ class Inference:
             phase=generated.phase,
             out_of_distribution=strangeness,
             state=state_name,
+            radii=(float(regions[0]), float(regions[1])),
         )
 
 

@@ -41,6 +41,7 @@ from mild_core.retargeting.yielding import Yielding
 from mild_core.shapes import FloatArray, read_only
 from mild_core.signals import (
     ARM_FRAME,
+    ROBOT_FRAME,
     UNKNOWN_DIRECTION,
     JointCommand,
     JointMeasurement,
@@ -64,6 +65,9 @@ SLOWED = "slowed"
 
 UNMEASURED = "the camera is not measured; set robot_from_camera or allow_unmeasured_contact"
 ASSUMED = "the camera is not measured: hands may touch as allow_unmeasured_contact says, where people are assumed to be"
+WAITS_S = 1.2
+"""A hand that has been raised for longer and is held out waits to be met: the learned one has had time to come near."""
+
 UNKNOWN_BODY = "the person's head and trunk are not known; use a tracker that gives shoulders and head"
 """Why hands are not brought together, or why they should not be."""
 
@@ -385,7 +389,10 @@ class Retargeting:
                 state = _paused(state, now_ns)
             offered = state.sight is not None and state.sight.offered()
             given = (plan.covariance, met_m, offered, state.touch)
-            aimed, touch = self._contact.aim(aimed, *given, np.array(motion.position_rad), elapsed_s)
+            measured = state.sight is not None and state.sight.frame_id == ROBOT_FRAME
+            waits = measured and state.sight is not None and (now_ns - state.sight.raised_ns) * 1e-9 > WAITS_S
+            here_rad = np.array(motion.position_rad)
+            aimed, touch = self._contact.aim(aimed, *given, here_rad, elapsed_s, waits=waits)
             aimed = np.minimum(np.maximum(aimed, self._lower), self._upper)
         hurry = 0.0 if touch is None else touch.share * self._guard.nearness(state.near_m)
         ramp_rad_s = self.settings.ramp_velocity_rad_s * (1.0 if plan.interaction else GENTLE)

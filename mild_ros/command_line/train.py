@@ -237,17 +237,18 @@ def _write(
     if measured:
         row = next(r for r in measured["methods"] if (r["method"], r["labels"]) == (METHOD, "given"))
         residual, source = np.array(row["residual_covariance"]), "cross-validation"
-        scale = measured.get("run_time", {}).get(METHOD, {}).get("covariance_scale", {})
+        run_time = measured.get("run_time", {}).get(METHOD, {})
+        regions = {name: run_time.get(name, {}) for name in ("covariance_scale", "radii")}
         errors = cross_validation_entry(measured, METHOD)
     else:
         own = [errors_of_trial(trial, trained.protocol, trained.predict(trial)) for trial in trials]
         covariance = summarise(own, recording.interactions).covariance
         assert covariance is not None  # there is at least one trial
-        residual, source, errors, scale = covariance, "training trials: too small", {}, {}
+        residual, source, errors, regions = covariance, "training trials: too small", {}, {}
     training = {**_about(trained, asked, recording, len(trials)), "residual_covariance": source}
     gestures, training["gestures"] = _gestures(trained.interactions)
     facts = ModelFacts(out.resolve().name, recording.robot, recording.observed_side, _placement(recording, trials))
-    manifest, arrays = export(trained, trials, residual, replace(facts, training=training, errors=errors), scale)
+    manifest, arrays = export(trained, trials, residual, replace(facts, training=training, errors=errors), **regions)
     save_model(out, manifest, arrays | gestures, model_card(manifest, recording, command))
     typer.echo(f"written: {out} ({sum(file.stat().st_size for file in out.iterdir()) / 1e6:.1f} MB)")
 
