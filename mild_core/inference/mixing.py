@@ -87,7 +87,7 @@ def add_spread(
         operators: (K, N N, C C) for each component: mean over the window of J (x) J, J the decoder's Jacobian there.
         covariance: (N, N), changed in place.
 
-    Source: METHOD section 2, J V J^T with V of the mixture, linearised at each component.
+    Source: J V J^T with V of the mixture, linearised at each component (first-order propagation).
     """
     means, covariances = components
     size, controlled = covariance.shape[0], centre.shape[0]

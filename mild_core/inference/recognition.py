@@ -57,7 +57,7 @@ def recognise(before: Recognition, log_likelihoods: FloatArray, temper: float, f
             independent.
         forgetting: Share of the evidence that is kept, so that a new interaction is noticed.
 
-    Source: METHOD section 4, recognition by tempered per-interaction likelihood.
+    Source: ours: recognition by tempered per-interaction likelihood.
     """
     relative = np.maximum(log_likelihoods - log_likelihoods.max(), -CLOSEST_CALL)
     evidence = forgetting * before.evidence + temper * relative

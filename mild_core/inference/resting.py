@@ -15,7 +15,7 @@ import numpy as np
 from mild_core.shapes import FloatArray
 
 MOVED_M = 0.05
-"""A motion starts when the hand is this far from where it rested; source: METHOD section 3."""
+"""A motion starts when the hand is this far from where it rested [m]; measured on the recordings."""
 
 STILL_M = 0.03
 """A hand that stays within so much of a place is still."""

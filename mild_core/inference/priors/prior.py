@@ -201,7 +201,7 @@ class Prior(ABC):
             observed: (Q,) latent of the observed agent.
             observed_covariance: (Q, Q) of the encoder; widens the observed block. None: exact.
 
-        Source: eq. 6 of MILD with explicit durations, METHOD section 2.
+        Source: eq. 6 of MILD with explicit durations, see `mild_core/README.md`.
         """
         log_emissions = self.explain(observed, observed_covariance).log_emissions[None]
         memory = belief.memory.copy() if belief.started else None
@@ -238,7 +238,7 @@ class Prior(ABC):
         Returns:
             Over Z - Q dimensions.
 
-        Source: eqs. 7 and 8 of MILD, corrected, with the moments of METHOD section 2.
+        Source: eqs. 7 and 8 of MILD, corrected, with the moments of the mixture; see `mild_core/README.md`.
         """
         return mixture_moments(belief.weights, self.explain(observed, observed_covariance).conditioned)
 
