@@ -26,8 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mild_core.compiled import compiled
+from mild_core.inference.novelty_detector import TakeArray
 from mild_core.inference.reservoir import SETTLED_S, run_units
-from mild_core.inference.territory import TakeArray
 from mild_core.shapes import FloatArray, read_only
 
 GESTURES = ("wave", "handshake", "rocket", "parachute")

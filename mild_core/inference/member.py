@@ -36,7 +36,7 @@ class Member:
             ever exceed.
         centres: (M, F) of what the `distance` network gave for training windows; (0, 0) without that network.
         radii: (M,) how far from each centre they reach.
-        operators: (P, K, N N, C C) see `mixing.add_spread`.
+        operators: (P, K, N N, C C) see `mixing.propagate_covariance`.
     """
 
     networks: Mapping[str, Network]
@@ -87,7 +87,7 @@ class CompiledMember:
         member: Which one.
         label: (P,) one for the interaction, zero for the others.
         phases: (K,) of its prior.
-        operators: (K, N N, C C) of its prior, see `mixing.add_spread`.
+        operators: (K, N N, C C) of its prior, see `mixing.propagate_covariance`.
         radius: See `Member.latent_radius`.
         residual_covariance: (N, N) of the model.
         places: Where each of `stepping.BOARD` begins, and the length of the board.
@@ -241,7 +241,7 @@ def condition_ensemble(
     return ConditionedEnsemble(tuple([compile_member(member, interaction, residual_covariance) for member in members]))
 
 
-def spread_operators(
+def covariance_operators(
     decoder: Network, inputs: tuple[str, ...], sizes: Mapping[str, int], priors: Sequence[Prior], window: int
 ) -> FloatArray:
     """(P, K, N N, C C): mean over the window's frames of J (x) J, J the decoder's Jacobian at each component.

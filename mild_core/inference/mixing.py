@@ -71,7 +71,7 @@ def classify(logits: Float32Array) -> FloatArray:
 
 
 @compiled
-def add_spread(
+def propagate_covariance(
     weights: FloatArray,
     components: tuple[FloatArray, FloatArray],
     centre: FloatArray,

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from mild_core.errors import ModelError
 from mild_core.inference.gesture_recogniser import GestureRecogniser, gesture_classes, take_gestures
 from mild_core.inference.manifest import Manifest, NetworkSpec
-from mild_core.inference.member import Member, spread_operators
+from mild_core.inference.member import Member, covariance_operators
 from mild_core.inference.networks import Network, build_network
+from mild_core.inference.novelty_detector import NoveltyDetector, take_novelty_detector
 from mild_core.inference.priors import PRIORS
 from mild_core.inference.priors.prior import Prior
 from mild_core.inference.reservoir import Reservoir, take_reservoir
 from mild_core.inference.start_pose import StartPose, take_start_pose
-from mild_core.inference.territory import Territory, take_territory
 from mild_core.shapes import FloatArray, read_only
 
 Arrays = Mapping[str, NDArray[Any]]
@@ -53,7 +53,7 @@ class MildModel:
     temper: float
     forgetting: float
     covariance_scale: FloatArray
-    territory: Territory | None = None
+    territory: NoveltyDetector | None = None
     reservoir: Reservoir | None = None
     start_pose: StartPose | None = None
     gestures: GestureRecogniser | None = None
@@ -102,7 +102,7 @@ def build_model(manifest: Manifest, arrays: Arrays) -> MildModel:
             raise ValueError(f"array covariance_scale is {scale.tolist()}, not above zero")
         territory = None
         if any(name.startswith("territory.") for name in arrays):
-            territory = take_territory(taken.array, manifest.window * manifest.frame_values, interactions)
+            territory = take_novelty_detector(taken.array, manifest.window * manifest.frame_values, interactions)
         reservoir = None
         if any(name.startswith("reservoir.") for name in arrays):
             positions = 3 * len(manifest.observed.joint_names)
@@ -174,7 +174,7 @@ def _build_member(prefix: str, specs: Mapping[str, NetworkSpec], manifest: Manif
         if not (values > 0.0).all():
             raise ValueError(f"array {prefix}.{name} holds a radius that is not above zero")
     inputs = {name: spec.inputs for name, spec in specs.items()}
-    operators = spread_operators(networks["decoder"], inputs["decoder"], sizes, priors, manifest.window)
+    operators = covariance_operators(networks["decoder"], inputs["decoder"], sizes, priors, manifest.window)
     return Member(networks, inputs, sizes, priors, radius, centres, radii, operators)
 
 

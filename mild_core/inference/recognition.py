@@ -36,12 +36,12 @@ class Recognition:
         object.__setattr__(self, "probability", float(self.probabilities[self.likeliest]))
 
 
-def undecided(interactions: int) -> Recognition:
+def uniform_belief(interactions: int) -> Recognition:
     """Nothing seen: all are equally likely."""
     return Recognition(np.zeros(interactions), np.full(interactions, 1.0 / interactions))
 
 
-def given(interaction: int, interactions: int) -> Recognition:
+def one_hot_belief(interaction: int, interactions: int) -> Recognition:
     """Belief concentrated on a given interaction."""
     return Recognition(np.zeros(interactions), np.eye(interactions)[interaction])
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mild_core.inference.territory import TakeArray
+from mild_core.inference.novelty_detector import TakeArray
 from mild_core.shapes import FloatArray, read_only
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mild_core.compiled import compiled
-from mild_core.inference.mixing import add_spread, classify, gate_weights, nearest, posterior
+from mild_core.inference.mixing import classify, gate_weights, nearest, posterior, propagate_covariance
 from mild_core.inference.networks import Float32Array, run_layers
 from mild_core.inference.priors.filtering import UNDERFLOW, filter_frames, observe_frame
 from mild_core.shapes import FloatArray
@@ -212,7 +212,7 @@ def generate_window(
         networks: Gate, residual, decoder.
         places: As for `observe_window`.
         observed: Board, weights, means and covariances of `Observed`.
-        operators: (K, N N, C C) see `add_spread`.
+        operators: (K, N N, C C) see `propagate_covariance`.
         phases: (K,) mean time of each component.
         residual_covariance: (N, N) added to the covariance.
 
@@ -231,7 +231,7 @@ def generate_window(
         for c in range(latent.shape[0]):
             latent[c] += belief[j] * means[j, c]
     covariance = residual_covariance.copy()
-    add_spread(belief, (means, covariances), latent, operators, covariance)
+    propagate_covariance(belief, (means, covariances), latent, operators, covariance)
     if networks[1][0].shape[0] > 0:
         shift = run_network(networks[1], board, nothing)
         for c in range(latent.shape[0]):

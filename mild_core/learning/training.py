@@ -25,6 +25,7 @@ from mild_core.learning.coordinates import Coordinates, plain_coordinates, princ
 from mild_core.learning.corpus import Corpus, WindowBatch, bend, corpus_of, cut_tracks
 from mild_core.learning.demonstration import Demonstration
 from mild_core.learning.draws import drawing_from
+from mild_core.learning.epoch_search import converged, lengths, validation_error
 from mild_core.learning.folds import folds_of, require_folds
 from mild_core.learning.objective import Objective
 from mild_core.learning.recogniser import Recogniser, train_recogniser
@@ -34,7 +35,6 @@ from mild_core.learning.reservoir_trials import STRIDE
 from mild_core.learning.settings import Augmentation, TrainingSettings
 from mild_core.learning.snapshot import Learner, Snapshot
 from mild_core.learning.start_pose import fit_start_pose
-from mild_core.learning.stopping import lengths, levelled_off, validation_error
 from mild_core.learning.trained import TrainedMember, TrainedModel
 from mild_core.learning.trial_validity import require_valid
 from mild_core.learning.vae import MemberNetworks
@@ -175,7 +175,7 @@ def _long_enough(
         for report in _epochs(learned, objective, learner, (seed, LOOKING), held_out):
             yield replace(report, member=place, members=len(tried) + settings.members)
         errors += learner.validation
-        if levelled_off(errors):
+        if converged(errors):
             return replace(settings, epochs=tried[place - 1]), place + 1
     return settings, len(tried)
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mild_core.errors import DatasetError
 from mild_core.learning.demonstration import Demonstration
-from mild_core.perception.gates import FARTHEST_M, HUMAN_BONE_M
+from mild_core.perception.joint_validity import FARTHEST_M, HUMAN_BONE_M
 from mild_core.shapes import FloatArray
 
 LARGEST_RAD = 25.0

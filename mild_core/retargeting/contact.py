@@ -60,7 +60,7 @@ SOFT = 0.3
 
 
 @dataclass(frozen=True)
-class Touch:
+class ContactState:
     """How far the hands have been brought together.
 
     Attributes:
@@ -113,10 +113,10 @@ class Contact:
         covariance: FloatArray,
         hand_m: FloatArray | None,
         offered: bool,
-        before: Touch | None,
+        before: ContactState | None,
         here_rad: FloatArray,
         elapsed_s: float,
-    ) -> tuple[FloatArray, Touch | None]:
+    ) -> tuple[FloatArray, ContactState | None]:
         """Where the joints shall be.
 
         Args:
@@ -156,7 +156,7 @@ class Contact:
             gap = np.zeros(3) if before is None else np.array(before.gap_m)
         start = posture if before is None else np.array(before.joints_rad)
         joints = self._solver.step(start, [Reach(self.robot.tool_link, self._within(tool + share * gap))], posture)
-        return joints, Touch(share, tuple(joints.tolist()), tuple(gap.tolist()), apart, withdrawn)
+        return joints, ContactState(share, tuple(joints.tolist()), tuple(gap.tolist()), apart, withdrawn)
 
     def _nearness(self, tool_m: FloatArray, hand_m: FloatArray) -> float:
         """The share that the distance allows, from 0 to 1; without learned motion, the one that reach allows."""
@@ -187,7 +187,7 @@ class Contact:
         return learned / (learned + SEEN_TO_M**2)
 
 
-def stiffness(touch: Touch | None) -> float:
+def stiffness(touch: ContactState | None) -> float:
     """How hard the arm shall hold its position: 1 while it moves by itself, `SOFT` while hands touch."""
     if touch is None:
         return 1.0

@@ -25,18 +25,18 @@ from mild_core.joint_measurements import JointMerger
 from mild_core.retargeting.arm_following import ArmFollower, arm_follower
 from mild_core.retargeting.contact import Contact, stiffness
 from mild_core.retargeting.guard import TOO_FAST, Guard, Verdict, View
+from mild_core.retargeting.human_track import LOST_S, SHIFT_M_S, HumanPlacement
+from mild_core.retargeting.input_handlers import joint_merger, take_measurement, take_motion, take_person, take_request
 from mild_core.retargeting.life import person_present, situation, with_rest, with_start
 from mild_core.retargeting.limiter import JointMotion, Joints, Limiter, NoPlanError
 from mild_core.retargeting.modes import Mode, next_mode
 from mild_core.retargeting.obstacles import NO_ONE, Obstacles, obstacles_of
-from mild_core.retargeting.person import LOST_S, SHIFT_M_S, Standing
-from mild_core.retargeting.reception import joint_merger, take_measurement, take_motion, take_person, take_request
 from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.retargeting.state import PAUSED_S, Request, RetargetingState
-from mild_core.retargeting.target import Plan, Pursuit
+from mild_core.retargeting.target import Plan, RampIn
+from mild_core.retargeting.timeouts import after_gap, after_time_jump, known, with_robot_timeout
 from mild_core.retargeting.trajectory_stream import STAND_S, TrajectoryStream, limits_between_points, resumed
-from mild_core.retargeting.watchdog import after_gap, after_time_jump, known, with_ear
 from mild_core.retargeting.yielding import Yielding
 from mild_core.shapes import FloatArray, read_only
 from mild_core.signals import (
@@ -92,7 +92,7 @@ class Retargeting:
 
     robot: RobotModel
     settings: RetargetingSettings = field(default_factory=RetargetingSettings)
-    standing: Standing | None = None
+    standing: HumanPlacement | None = None
     camera_measured: bool | None = None
     _limiter: Limiter = field(init=False, repr=False)
     _slow: Limiter = field(init=False, repr=False)
@@ -181,7 +181,7 @@ class Retargeting:
         among = self._obstacles(state, now_ns)
         here = self._guard.here(motion, among)
         state = self._with_people(replace(state, near_m=here.near_m), among, here, now_ns)
-        state = with_ear(with_rest(state, self.settings, now_ns), self.settings, now_ns)
+        state = with_robot_timeout(with_rest(state, self.settings, now_ns), self.settings, now_ns)
         state = with_start(state, self.settings, self._guard.chain.offsets[0][:3, 3], now_ns)
         state = self._in_next_mode(state, motion, now_ns)
         stands_ns = round(STAND_S * 1e9) if self.settings.execution_delay_s else 0
@@ -372,7 +372,7 @@ class Retargeting:
     ) -> tuple[RetargetingState, Joints]:
         """Where the joints are sent while following: as learned, hands brought together, no faster than allowed."""
         aimed, touch = self._wanted(plan, motion, now_ns), None
-        pursuit = state.pursuit or Pursuit.onto(aimed, self._limiter.resting_place(motion))
+        pursuit = state.pursuit or RampIn.onto(aimed, self._limiter.resting_place(motion))
         if self._contact is not None and self.standing is not None:
             hand_m = self._hand(state, now_ns)
             touches = plan.interaction in self.standing.by_interaction and bool(np.isfinite(hand_m).all())

@@ -22,9 +22,9 @@ DATA_SUFFIXES = {
 }
 UNSAFE_MODULES = {"pickle", "cPickle", "dill", "cloudpickle", "joblib", "shelve", "marshal"}
 UNSAFE_CALLS = {"eval", "exec", "yaml.load", "os.system", "torch.hub.load", "pickle.load", "pickle.loads"}
-READER = "mild_core/learning/archive.py"
+READER = "mild_core/learning/safe_npz.py"
 """Reads the published pickles by its own rules: it may have the module, but not the calls that trust a file."""
-ATTACKS = "test/core/learning/test_archive.py"
+ATTACKS = "test/core/learning/test_safe_npz.py"
 """Shows that the reader refuses what plain pickle runs, so it has to run it."""
 
 
@@ -166,7 +166,7 @@ GATES: dict[Callable[[Path], list[str]], list[tuple[str, str]]] = {
         ("a.py", "yaml.load(text)"),
         ("a.py", "subprocess.run(line, shell=True)"),
         ("a.py", "eval(text)"),
-        ("mild_core/learning/archive.py", "import pickle\npickle.loads(text)"),
+        ("mild_core/learning/safe_npz.py", "import pickle\npickle.loads(text)"),
         ("test/test_a.py", "import pickle\npickle.loads(text)"),
     ],
 }

@@ -13,8 +13,8 @@ MIXING = (f"{TESTS}/test_small_sums.py", *STAGE)
 NETWORKS = (f"{TESTS}/test_networks.py",)
 RESERVOIR = (f"{TESTS}/test_small_sums.py", "test/core/learning/test_reservoir.py")
 START = (f"{TESTS}/test_small_sums.py", "test/core/learning/test_start_pose.py")
-REST = (f"{TESTS}/test_resting.py",)
-TERRITORY = (f"{TESTS}/test_territory.py",)
+REST = (f"{TESTS}/test_rest_detection.py",)
+TERRITORY = (f"{TESTS}/test_novelty_detector.py",)
 
 FAULTS = (
     Fault(
@@ -116,7 +116,7 @@ FAULTS = (
     Fault(
         "durations that last longer, exclusive",
         "A segment that is seen up to a frame must last at least one frame more.",
-        f"{HERE}/priors/chain.py",
+        f"{HERE}/priors/semi_markov_chain.py",
         "durations[:, ::-1].cumsum(axis=1)[:, ::-1].copy()",
         "(durations[:, ::-1].cumsum(axis=1)[:, ::-1] - durations)",
         PRIORS,
@@ -124,7 +124,7 @@ FAULTS = (
     Fault(
         "counts of durations not weighed by the durations",
         "The expected number of segments of each length ignores how likely that length is.",
-        f"{HERE}/priors/chain.py",
+        f"{HERE}/priors/semi_markov_chain.py",
         "lasts.sum(axis=2) * durations)",
         "lasts.sum(axis=2))",
         PRIORS,
@@ -394,19 +394,19 @@ FAULTS = (
         STAGE,
     ),
     Fault(
-        "strangeness of the farthest interaction",
+        "ood_score of the farthest interaction",
         "Motion is unknown as soon as one interaction does not explain it.",
         f"{HERE}/stage.py",
-        "strangeness = min([sum([seen.score for seen in members])",
-        "strangeness = max([sum([seen.score for seen in members])",
+        "ood_score = min([sum([seen.score for seen in members])",
+        "ood_score = max([sum([seen.score for seen in members])",
         (*STAGE, *TERRITORY),
     ),
     Fault(
         "territory has no say",
         "The fading distance from every interaction does not count in the out-of-distribution score.",
         f"{HERE}/stage.py",
-        "max(strangeness, self.model.territory.score(strayed))",
-        "min(strangeness, self.model.territory.score(strayed))",
+        "max(ood_score, self.model.territory.score(novelty))",
+        "min(ood_score, self.model.territory.score(novelty))",
         (*STAGE, *TERRITORY),
     ),
     Fault(
@@ -420,15 +420,15 @@ FAULTS = (
     Fault(
         "root of the largest mean square",
         "The score is that of the interaction from which the person is farthest.",
-        f"{HERE}/territory.py",
-        "np.sqrt(strayed.min())",
-        "np.sqrt(strayed.max())",
+        f"{HERE}/novelty_detector.py",
+        "np.sqrt(novelty.min())",
+        "np.sqrt(novelty.max())",
         TERRITORY,
     ),
     Fault(
         "reach not squared",
         "Squared distances are given in units of the reach instead of its square.",
-        f"{HERE}/territory.py",
+        f"{HERE}/novelty_detector.py",
         "((1.0 - self.kept) / self.reach**2)",
         "((1.0 - self.kept) / self.reach)",
         TERRITORY,
@@ -436,7 +436,7 @@ FAULTS = (
     Fault(
         "rest is left at once",
         "A hand that trembles within 5 cm has left its rest.",
-        f"{HERE}/resting.py",
+        f"{HERE}/rest_detection.py",
         "float(np.linalg.norm(hand_m - rest.place_m)) > MOVED_M:",
         "float(np.linalg.norm(hand_m - rest.place_m)) > 0.2 * MOVED_M:",
         REST,
@@ -444,7 +444,7 @@ FAULTS = (
     Fault(
         "still where it started to move",
         "A hand that moves slowly never becomes still, or is still where it was long ago.",
-        f"{HERE}/resting.py",
+        f"{HERE}/rest_detection.py",
         "rest = replace(rest, still_m=hand_m, still_frames=0)",
         "rest = replace(rest, still_frames=0)",
         REST,
@@ -452,7 +452,7 @@ FAULTS = (
     Fault(
         "back from anywhere",
         "A hand that is held still in another hand counts as back at rest.",
-        f"{HERE}/resting.py",
+        f"{HERE}/rest_detection.py",
         "return rest.moved and back and rest.still_frames >= still_frames",
         "return rest.moved and rest.still_frames >= still_frames",
         REST,
@@ -460,7 +460,7 @@ FAULTS = (
     Fault(
         "missed frames are no rest",
         "Frames that were missed do not count as time at rest.",
-        f"{HERE}/resting.py",
+        f"{HERE}/rest_detection.py",
         "frames=rest.frames + passed,",
         "frames=rest.frames + 1,",
         REST,

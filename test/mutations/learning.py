@@ -83,7 +83,7 @@ FAULTS = (
     Fault(
         "scale learned from its own fold",
         "The scale that is tried on a fold was learned from it, so that every region seems right.",
-        f"{HERE}/calibration.py",
+        f"{HERE}/uncertainty_calibration.py",
         "for other, distances in found if other != fold).scale()",
         "for other, distances in found if other == fold).scale()",
         CALIBRATION,
@@ -91,7 +91,7 @@ FAULTS = (
     Fault(
         "scale learned from all folds",
         "The scale that is tried on a fold was learned from it too.",
-        f"{HERE}/calibration.py",
+        f"{HERE}/uncertainty_calibration.py",
         "for other, distances in found if other != fold).scale()",
         "for other, distances in found).scale()",
         CALIBRATION,
@@ -99,7 +99,7 @@ FAULTS = (
     Fault(
         "residual of the fold itself",
         "What cross-validation left over is measured on the fold that it is tried on.",
-        f"{HERE}/calibration.py",
+        f"{HERE}/uncertainty_calibration.py",
         "_residual([doubt for doubt in doubts if doubt.fold != fold])",
         "_residual([doubt for doubt in doubts if doubt.fold == fold])",
         CALIBRATION,
@@ -107,7 +107,7 @@ FAULTS = (
     Fault(
         "scale of a deviation",
         "The scale fits the deviation and is multiplied with the variance.",
-        f"{HERE}/calibration.py",
+        f"{HERE}/uncertainty_calibration.py",
         "float(np.quantile(self.joint, AIM) / chi2.ppf(REGION, self.marginal.shape[1]))",
         "float(np.sqrt(np.quantile(self.joint, AIM) / chi2.ppf(REGION, self.marginal.shape[1])))",
         CALIBRATION,
@@ -115,7 +115,7 @@ FAULTS = (
     Fault(
         "degrees of freedom of one value",
         "The region of a whole frame is that of a single joint.",
-        f"{HERE}/calibration.py",
+        f"{HERE}/uncertainty_calibration.py",
         "np.quantile(self.joint, AIM) / chi2.ppf(REGION, self.marginal.shape[1])",
         "np.quantile(self.joint, AIM) / chi2.ppf(REGION, 1)",
         CALIBRATION,
@@ -123,7 +123,7 @@ FAULTS = (
     Fault(
         "published scale of one fold",
         "The scale that goes into a model was learned from the first trial alone.",
-        f"{HERE}/calibration.py",
+        f"{HERE}/uncertainty_calibration.py",
         "scale[name] = _together(_distances(doubt, _residual(doubts)) for doubt in own).scale()",
         "scale[name] = _together(_distances(doubt, _residual(doubts)) for doubt in own[:1]).scale()",
         CALIBRATION,
@@ -146,7 +146,7 @@ FAULTS = (
     ),
     Fault(
         "fading per window",
-        "How long strangeness counts depends on the model's rate.",
+        "How long ood_score counts depends on the model's rate.",
         f"{HERE}/novelty.py",
         "KEPT_PER_S ** (1.0 / rate_hz)",
         "KEPT_PER_S",

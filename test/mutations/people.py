@@ -508,7 +508,7 @@ FAULTS = (
     Fault(
         "a hand at rest is unknown",
         "The robot holds after an interaction, and does not go home.",
-        f"{HERE}/reception.py",
+        f"{HERE}/input_handlers.py",
         "ended = given.state == RESTING and state.mode is Mode.FOLLOWING",
         "ended = False",
         ("test/core/retargeting/test_people.py",),
@@ -516,7 +516,7 @@ FAULTS = (
     Fault(
         "an offered hand says nothing",
         "The evidence for a start begins when the interaction has its name.",
-        f"{HERE}/reception.py",
+        f"{HERE}/input_handlers.py",
         "is_some = bool(given.interaction) or given.state == OFFERED",
         "is_some = bool(given.interaction)",
         ("test/core/retargeting/test_people.py",),
@@ -557,8 +557,8 @@ FAULTS = (
         "a given interaction is vetoed",
         "A stranger is not answered though an operator has given the interaction.",
         "mild_core/inference/stage.py",
-        "return own, min(strangeness, KNOWN)",
-        "return own, min(strangeness, 1.0)",
+        "return own, min(ood_score, KNOWN)",
+        "return own, min(ood_score, 1.0)",
         ("test/core/inference/test_gesture_recogniser.py",),
     ),
 )

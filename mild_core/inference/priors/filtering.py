@@ -95,7 +95,8 @@ def observe_frame(
         conditioned_means: (K, Z - Q) filled.
         conditioned_covariances: (K, Z - Q, Z - Q) filled; an array of length 0 leaves them out.
 
-    Source: eq. 8 of MILD with the sign corrected, see `mild_core/README.md`. One Cholesky factor serves density and conditioning.
+    Source: eq. 8 of MILD with the sign corrected, see `mild_core/README.md`. One Cholesky factor serves
+        density and conditioning.
     """
     means, covariances = components
     latent, widening = observed

@@ -8,7 +8,7 @@ import pytest
 
 from mild_core.inference.manifest import NetworkSpec
 from mild_core.inference.member import Generated, combined
-from mild_core.inference.mixing import DIAGONAL_FLOOR, add_spread, classify, gate_weights, nearest, posterior
+from mild_core.inference.mixing import DIAGONAL_FLOOR, classify, gate_weights, nearest, posterior, propagate_covariance
 from mild_core.inference.model import build_model
 from mild_core.inference.networks import LayerSpec
 from mild_core.inference.reservoir import SETTLED_S, Reservoir
@@ -59,7 +59,7 @@ def test_spread_is_the_moments_of_the_mixture_through_each_component_s_jacobian(
     covariances, centre = roots @ roots.swapaxes(1, 2), weights @ means
     operators = np.einsum("jwac,jwbd->jabcd", jacobians, jacobians).reshape(components, values**2, latent**2) / window
     found = np.eye(values)
-    add_spread(weights, (means, covariances), centre, operators, found)
+    propagate_covariance(weights, (means, covariances), centre, operators, found)
     wanted = np.eye(values)
     for j in range(components):
         apart = means[j] - centre

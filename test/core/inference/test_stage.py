@@ -14,7 +14,7 @@ from mild_core.inference.manifest import NetworkSpec
 from mild_core.inference.mixing import NEGLIGIBLE_WEIGHT
 from mild_core.inference.model import build_model
 from mild_core.inference.motion_model import MildModel
-from mild_core.inference.priors.chain import run_filter
+from mild_core.inference.priors.semi_markov_chain import run_filter
 from mild_core.inference.stage import Inference
 from mild_core.inference.start_pose import StartPose
 from mild_core.signals import FeatureWindow, JointMeasurement
