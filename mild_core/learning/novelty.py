@@ -13,7 +13,7 @@ from torch.nn import functional
 from mild_core.inference.novelty_detector import NoveltyDetector
 from mild_core.learning.clusters import clusters
 from mild_core.learning.coordinates import principal_coordinates
-from mild_core.learning.corpus import Corpus, bend, cut_tracks
+from mild_core.learning.corpus import Corpus, augment, cut_tracks
 from mild_core.learning.demonstration import Demonstration
 from mild_core.learning.folds import Fold, folds_of
 from mild_core.learning.settings import Augmentation
@@ -111,7 +111,7 @@ def latent_radius(member: TrainedMember, corpus: Corpus, stride: int, seed: int)
     labels = len(corpus.interactions)
     with torch.no_grad(), torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
-        batch = cut_tracks(corpus, bend(corpus.tracks, DRAWS), 0, stride)
+        batch = cut_tracks(corpus, augment(corpus.tracks, DRAWS), 0, stride)
         window = member.question.project(batch.question)
         label = functional.one_hot(batch.label, labels).float()[:, None].expand(-1, window.shape[1], -1)
         posterior = member.networks.observe(member.networks.sources(window, label))

@@ -19,12 +19,10 @@ from torch import Tensor, nn
 from mild_core.errors import DatasetError, SetupError
 from mild_core.inference.reservoir import Reservoir
 from mild_core.inference.start_pose import StartPose
-from mild_core.learning.carry_over import carry_over
 from mild_core.learning.compiled_gru import compile_memories
 from mild_core.learning.coordinates import Coordinates, plain_coordinates, principal_coordinates
-from mild_core.learning.corpus import Corpus, WindowBatch, bend, corpus_of, cut_tracks
+from mild_core.learning.corpus import Corpus, WindowBatch, augment, corpus_of, cut_tracks
 from mild_core.learning.demonstration import Demonstration
-from mild_core.learning.draws import drawing_from
 from mild_core.learning.epoch_search import converged, lengths, validation_error
 from mild_core.learning.folds import folds_of, require_folds
 from mild_core.learning.objective import Objective
@@ -32,10 +30,12 @@ from mild_core.learning.recogniser import Recogniser, train_recogniser
 from mild_core.learning.reestimation import refit
 from mild_core.learning.reservoir import fit_reservoir
 from mild_core.learning.reservoir_trials import STRIDE
+from mild_core.learning.seeding import drawing_from
 from mild_core.learning.settings import Augmentation, TrainingSettings
 from mild_core.learning.snapshot import Learner, Snapshot
 from mild_core.learning.start_pose import fit_start_pose
 from mild_core.learning.trained import TrainedMember, TrainedModel
+from mild_core.learning.transfer import transfer_layers
 from mild_core.learning.trial_validity import require_valid
 from mild_core.learning.vae import MemberNetworks
 from mild_core.learning.windows import Protocol
@@ -95,7 +95,7 @@ def train(
         settings: How to train.
         seed: Of all draws.
         interactions: All that the model shall know, by label; default: those demonstrated, in order.
-        start: Layers of another model to start from, see `carry_over`.
+        start: Layers of another model to start from, see `transfer_layers`.
         resume: The newest snapshot of each member that an interrupted run of the same training left, in order.
 
     Yields:
@@ -195,7 +195,7 @@ def _learner(
             settings.architecture, question.size, answer.size, labels, settings.prior.components, settings.dropout
         )
     compile_memories(networks)
-    carried = carry_over(networks, start)
+    carried = transfer_layers(networks, start)
     if start and not carried:
         problem = "no hidden layer of it has the name and size of one that is trained here"
         raise SetupError("start_from", problem, "leave it out, or name a model with the same architecture")
@@ -277,7 +277,7 @@ def _pass(
     settings, networks, optimiser, prior = objective.settings, learner.networks, learner.optimiser, learner.prior
     tracks, phase = corpus.tracks, 0
     if settings.augmentation is not None:
-        tracks = bend(tracks, settings.augmentation)
+        tracks = augment(tracks, settings.augmentation)
         phase = int(torch.randint(corpus.protocol.keep_every, ()))
     cuts = min(
         settings.gradient_stride, corpus.protocol.windows_of(tracks.observed.shape[1] // corpus.protocol.keep_every)

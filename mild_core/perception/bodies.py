@@ -7,7 +7,7 @@ uncertainty grows up to what a body part can move against the trunk. A joint bel
 the capsule then covers both its place and the inferred one. A body that is missing from a message stays for a while,
 with a radius that grows.
 
-Bodies are matched by place, as trackers renumber people and swap their numbers (`identity.py`).
+Bodies are matched by place, as trackers renumber people and swap their numbers (`person_tracker.py`).
 """
 
 from __future__ import annotations
@@ -361,7 +361,7 @@ def _middle_stamp(people: Sequence[Detection]) -> int:
 def _matched(
     before: Bodies, people: Sequence[Detection], watched: Detection | None, reach_m: float
 ) -> list[tuple[Detection, TrackedBody | None]]:
-    """People and the body that each was: the watched one first, as `identity.py` found them, then the nearest pairs.
+    """People and the body that each was: first the one of `person_tracker.py`, then the nearest pairs.
 
     New bodies come last.
     """

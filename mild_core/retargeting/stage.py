@@ -24,11 +24,11 @@ import numpy as np
 from mild_core.joint_measurements import JointMerger
 from mild_core.retargeting.arm_following import ArmFollower, arm_follower
 from mild_core.retargeting.contact import Contact, stiffness
-from mild_core.retargeting.guard import TOO_FAST, Guard, Verdict, View
+from mild_core.retargeting.guard import TOO_FAST, Guard, PoseEvaluation, Verdict
 from mild_core.retargeting.human_track import LOST_S, SHIFT_M_S, HumanPlacement
 from mild_core.retargeting.input_handlers import joint_merger, take_measurement, take_motion, take_person, take_request
-from mild_core.retargeting.life import person_present, situation, with_rest, with_start
 from mild_core.retargeting.limiter import JointMotion, Joints, Limiter, NoPlanError
+from mild_core.retargeting.mode_inputs import person_present, situation, with_rest, with_start
 from mild_core.retargeting.modes import Mode, next_mode
 from mild_core.retargeting.obstacles import NO_ONE, Obstacles, obstacles_of
 from mild_core.retargeting.robot import RobotModel
@@ -236,7 +236,9 @@ class Retargeting:
             return f"no contact: {UNKNOWN_BODY}"
         return ASSUMED if unmeasured else ""
 
-    def _with_people(self, state: RetargetingState, among: Obstacles, here: View, now_ns: int) -> RetargetingState:
+    def _with_people(
+        self, state: RetargetingState, among: Obstacles, here: PoseEvaluation, now_ns: int
+    ) -> RetargetingState:
         """The state that knows what an operator should know of people: why no hands meet, and who is in the way."""
         no_contact = self._no_contact(state, now_ns)
         crowded = False
@@ -262,7 +264,7 @@ class Retargeting:
         state: RetargetingState,
         motion: JointMotion,
         among: Obstacles,
-        here: View,
+        here: PoseEvaluation,
         now_ns: int,
         elapsed_s: float,
     ) -> tuple[RetargetingState, JointMotion]:
@@ -329,7 +331,7 @@ class Retargeting:
         motion: JointMotion,
         wanted: JointMotion,
         among: Obstacles,
-        here: View,
+        here: PoseEvaluation,
         elapsed_s: float,
         giving_way: bool,
     ) -> tuple[JointMotion, Verdict]:
@@ -366,7 +368,7 @@ class Retargeting:
         plan: Plan,
         motion: JointMotion,
         among: Obstacles,
-        here: View,
+        here: PoseEvaluation,
         now_ns: int,
         elapsed_s: float,
     ) -> tuple[RetargetingState, Joints]:

@@ -118,10 +118,10 @@ def _learned(
     trials: tuple[Demonstration, ...], asked: Configuration, recording: Recording, out: Path
 ) -> tuple[TrainedModel, Checkpoint]:
     """The interactions that the trials show, learned from the beginning or from where it was interrupted."""
-    from mild_core.learning.carry_over import start_of
     from mild_core.learning.checkpoint import FOLDER, Checkpoint, identity
     from mild_core.learning.epoch_search import lengths
     from mild_core.learning.training import train as train_model
+    from mild_core.learning.transfer import start_of
 
     protocol, settings, start = recording.protocols[asked.protocol], asked.settings, start_of(asked)
     checkpoint = Checkpoint(out / FOLDER, identity(trials, protocol, settings, asked.seed, start))

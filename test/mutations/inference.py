@@ -261,8 +261,8 @@ FAULTS = (
         "decoder sees the belief before the gate",
         "The decoder is given another belief than the latent was mixed with.",
         f"{HERE}/stepping.py",
-        "    board[begin : begin + belief.size] = belief\n    board[places[CONTROLLED]",
-        "    board[begin : begin + belief.size] = observed[1]\n    board[places[CONTROLLED]",
+        "    buffer[begin : begin + belief.size] = belief\n    buffer[offsets[CONTROLLED]",
+        "    buffer[begin : begin + belief.size] = observed[1]\n    buffer[offsets[CONTROLLED]",
         MIXING,
     ),
     Fault(
@@ -293,8 +293,8 @@ FAULTS = (
         "score of the last detector only",
         "The distance of the latent no longer counts where there is a distance network.",
         f"{HERE}/stepping.py",
-        "score = max(score, nearest(run_network(networks[2], board, nothing), regions[0], regions[1]))",
-        "score = nearest(run_network(networks[2], board, nothing), regions[0], regions[1])",
+        "score = max(score, nearest(run_network(networks[2], buffer, nothing), regions[0], regions[1]))",
+        "score = nearest(run_network(networks[2], buffer, nothing), regions[0], regions[1])",
         MIXING,
     ),
     Fault(

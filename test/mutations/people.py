@@ -458,7 +458,7 @@ FAULTS = (
     Fault(
         "still before the robot set off",
         "A hand that waited for the robot is at rest as soon as the robot sets off.",
-        f"{HERE}/life.py",
+        f"{HERE}/mode_inputs.py",
         "still_s = min(sight.still_s(), (now_ns - state.since_ns) * 1e-9)",
         "still_s = sight.still_s()",
         GATE,
@@ -466,7 +466,7 @@ FAULTS = (
     Fault(
         "still while hands are together",
         "Hands that are held together end the interaction.",
-        f"{HERE}/life.py",
+        f"{HERE}/mode_inputs.py",
         "if still_s > settings.still_after_s and state.near_m > settings.near_m:",
         "if still_s > settings.still_after_s:",
         GATE,

@@ -116,8 +116,8 @@ FAULTS = (
         MAPPING,
     ),
     Fault(
-        "a bend to the wrong side",
-        "Elbows that bend the other way are solved as if they bent this way.",
+        "a augment to the wrong side",
+        "Elbows that augment the other way are solved as if they bent this way.",
         f"{HERE}/arm_mapping.py",
         "bends_to = 1.0 if self.upper_rad[3] > 0.0 else -1.0",
         "bends_to = 1.0",

@@ -72,7 +72,7 @@ def looked_at(guard: Guard, commands: list[JointCommand], among: Obstacles) -> t
     positions, velocities = (
         np.array([getattr(command, name) for command in commands]) for name in ("positions_rad", "velocities_rad_s")
     )
-    found = guard.view(np.zeros(len(positions)), positions, velocities, among, 1.0)
+    found = guard.evaluate_poses(np.zeros(len(positions)), positions, velocities, among, 1.0)
     return found.clear_m, found.speed_m_s
 
 

@@ -99,7 +99,7 @@ class Around(Run):
         among = obstacles_of(crowd, self.retargeting.settings, None, None, NOT_SEEN, 0)
         guard = Guard(YUMI, self.retargeting.settings)
         at = np.array([command.positions_rad for command in self.commands[since:]])
-        found: FloatArray = guard.view(np.zeros(len(at)), at, np.zeros_like(at), among, 0.5).clear_m[:, 0]
+        found: FloatArray = guard.evaluate_poses(np.zeros(len(at)), at, np.zeros_like(at), among, 0.5).clear_m[:, 0]
         return found
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mild_core.retargeting.human_track import HumanTrack
-from mild_core.retargeting.life import with_rest
+from mild_core.retargeting.mode_inputs import with_rest
 from mild_core.retargeting.modes import Mode
 from mild_core.retargeting.obstacles import Crowd
 from mild_core.retargeting.settings import RetargetingSettings
