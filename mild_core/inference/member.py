@@ -34,8 +34,6 @@ class Member:
         priors: One per interaction.
         latent_radius: (P,) Mahalanobis distance from the nearest component that the interaction's own windows hardly
             ever exceed.
-        centres: (M, F) of what the `distance` network gave for training windows; (0, 0) without that network.
-        radii: (M,) how far from each centre they reach.
         operators: (P, K, N N, C C) see `mixing.propagate_covariance`.
     """
 
@@ -44,8 +42,6 @@ class Member:
     sizes: Mapping[str, int]
     priors: tuple[Prior, ...]
     latent_radius: FloatArray
-    centres: FloatArray
-    radii: FloatArray
     operators: FloatArray
 
 
@@ -69,7 +65,7 @@ class Generated:
     Attributes:
         motion: (W, N) the decoded window.
         covariance: (N, N) of a frame's values, averaged over the window.
-        weights: (K,) belief over the components, after the gate.
+        weights: (K,) belief over the components.
         phase: Expected progress by that belief, 0 to 1.
     """
 
@@ -92,8 +88,8 @@ class CompiledMember:
         residual_covariance: (N, N) of the model.
         offsets: Where each of `stepping.BUFFER_PARTS` begins, and the length of the buffer.
         prior: Its parts.
-        perceiving: Context, encoder and distance networks, each the parts of `stepping.Compiled`.
-        acting: Gate, residual and decoder networks.
+        perceiving: Context and encoder networks, each the parts of `stepping.Compiled`.
+        acting: Residual and decoder networks.
         recogniser: That network.
     """
 
@@ -105,8 +101,8 @@ class CompiledMember:
     residual_covariance: FloatArray
     offsets: IntArray
     prior: PriorParts
-    perceiving: tuple[Parts, Parts, Parts]
-    acting: tuple[Parts, Parts, Parts]
+    perceiving: tuple[Parts, Parts]
+    acting: tuple[Parts, Parts]
     recogniser: Parts
 
     def init(self) -> MemberState:
@@ -132,8 +128,8 @@ class CompiledMember:
         member = self.member
         steps = steps if "frame" in member.inputs.get("context", ()) else 1
         memories, given, timing = (state.context, state.memory), (features, self.label), (steps, stride, missed)
-        regions, restart = (member.centres, member.radii, self.radius), member.priors[0].restart
-        found = observe_window(self.perceiving, self.prior, regions, self.offsets, memories, given, timing, restart)
+        restart = member.priors[0].restart
+        found = observe_window(self.perceiving, self.prior, self.radius, self.offsets, memories, given, timing, restart)
         found[0].flags.writeable = found[1].flags.writeable = False
         return Observed(*found)
 
@@ -228,8 +224,8 @@ def compile_member(member: Member, interaction: int, residual_covariance: FloatA
         residual_covariance,
         offsets,
         (mean, covariance, initial, transitions, durations),
-        (ready("context"), ready("encoder"), ready("distance")),
-        (ready("gate"), ready("residual"), ready("decoder")),
+        (ready("context"), ready("encoder")),
+        (ready("residual"), ready("decoder")),
         ready("recogniser"),
     )
 

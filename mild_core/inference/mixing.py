@@ -44,21 +44,6 @@ def posterior(outputs: Float32Array, size: int) -> tuple[FloatArray, FloatArray]
 
 
 @compiled
-def gate_weights(belief: FloatArray, logits: Float32Array) -> FloatArray:
-    """Belief (K,) times the exponential of the gate's logits (K,), normalised."""
-    weights, largest, total = np.empty(belief.shape[0]), -np.inf, 0.0
-    for j in range(belief.shape[0]):
-        weights[j] = np.log(belief[j] + 1e-12) + logits[j]
-        largest = max(largest, weights[j])
-    for j in range(belief.shape[0]):
-        weights[j] = np.exp(weights[j] - largest)
-        total += weights[j]
-    for j in range(belief.shape[0]):
-        weights[j] /= total
-    return weights
-
-
-@compiled
 def classify(logits: Float32Array) -> FloatArray:
     """(P,) log-probabilities from a recogniser's logits (P,)."""
     log_probabilities = np.empty(logits.shape[0])
@@ -105,15 +90,3 @@ def propagate_covariance(
                 for k in range(second.shape[0]):
                     total += operators[j, a * size + b, k] * second[k]
                 covariance[a, b] += total
-
-
-@compiled
-def nearest(values: Float32Array, centres: FloatArray, radii: FloatArray) -> float:
-    """Least distance from values (F,) to one of the centres (M, F), in units of that centre's radius (M,)."""
-    least = np.inf
-    for m in range(centres.shape[0]):
-        total = 0.0
-        for f in range(centres.shape[1]):
-            total += (values[f] - centres[m, f]) ** 2
-        least = min(least, np.sqrt(total) / radii[m])
-    return least

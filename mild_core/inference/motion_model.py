@@ -79,9 +79,8 @@ def build_model(manifest: Manifest, arrays: Arrays) -> MildModel:
     Args:
         manifest: Says which arrays there are.
         arrays: `member_<i>.<network>.<layer>.<array>`, `member_<i>.prior.<interaction>.<array>`,
-            `member_<i>.latent_radius`, and where there is such a network `member_<i>.distance.centres` and `.radii`;
-            `residual_covariance`; `covariance_scale`, `recognition` (temper, forgetting), `territory.<array>`,
-            `reservoir.<array>`, `start_pose.<array>` and `gestures.<array>`, which may be left out.
+            `member_<i>.latent_radius`; `residual_covariance`; `covariance_scale`, `recognition` (temper, forgetting),
+            `territory.<array>`, `reservoir.<array>`, `start_pose.<array>` and `gestures.<array>`, which may be left out.
 
     Raises:
         ModelError: An array is missing, of another shape, not finite or not what the manifest says; it is named.
@@ -155,7 +154,6 @@ def _build_member(prefix: str, specs: Mapping[str, NetworkSpec], manifest: Manif
     latent = manifest.latent_size
     outputs = {
         "encoder": latent + latent * (latent + 1) // 2,
-        "gate": manifest.prior.components,
         "residual": latent,
         "decoder": manifest.window * manifest.controlled.values,
         "recogniser": len(manifest.interactions),
@@ -166,16 +164,11 @@ def _build_member(prefix: str, specs: Mapping[str, NetworkSpec], manifest: Manif
             raise ValueError(f"{prefix}.{name} has a gru layer: only the context remembers")
     priors = tuple(_build_prior(f"{prefix}.prior.{name}", manifest, taken) for name in manifest.interactions)
     radius = taken.array(f"{prefix}.latent_radius", (len(priors),))
-    centres, radii = read_only(np.zeros((0, 0))), read_only(np.zeros(0))
-    if "distance" in networks:
-        centres = taken.array(f"{prefix}.distance.centres", (None, networks["distance"].outputs))
-        radii = taken.array(f"{prefix}.distance.radii", (len(centres),))
-    for name, values in (("latent_radius", radius), ("distance.radii", radii)):
-        if not (values > 0.0).all():
-            raise ValueError(f"array {prefix}.{name} holds a radius that is not above zero")
+    if not (radius > 0.0).all():
+        raise ValueError(f"array {prefix}.latent_radius holds a radius that is not above zero")
     inputs = {name: spec.inputs for name, spec in specs.items()}
     operators = covariance_operators(networks["decoder"], inputs["decoder"], sizes, priors, manifest.window)
-    return Member(networks, inputs, sizes, priors, radius, centres, radii, operators)
+    return Member(networks, inputs, sizes, priors, radius, operators)
 
 
 def _build(prefix: str, spec: NetworkSpec, sizes: Mapping[str, int], outputs: int | None, taken: _Taken) -> Network:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mild_core.compiled import compiled
-from mild_core.inference.mixing import classify, gate_weights, nearest, posterior, propagate_covariance
+from mild_core.inference.mixing import classify, posterior, propagate_covariance
 from mild_core.inference.networks import Float32Array, run_layers
 from mild_core.inference.priors.filtering import UNDERFLOW, filter_frames, observe_frame
 from mild_core.shapes import FloatArray
@@ -145,9 +145,9 @@ def follow_chain(
 
 @compiled
 def observe_window(
-    networks: tuple[Parts, Parts, Parts],
+    networks: tuple[Parts, Parts],
     prior: PriorParts,
-    regions: tuple[FloatArray, FloatArray, float],
+    radius: float,
     offsets: IntArray,
     state: tuple[Float32Array, FloatArray],
     given: tuple[FloatArray, FloatArray],
@@ -157,9 +157,9 @@ def observe_window(
     """Encode one window and move the belief on: the parts of `Observed`.
 
     Args:
-        networks: Context, encoder, distance.
+        networks: Context, encoder.
         prior: Of the interaction.
-        regions: Centres (M, F) and radii (M,) of the distance network's outputs, and the latent's radius.
+        radius: Of the latent, see `Member.latent_radius`.
         offsets: Where each of `BUFFER_PARTS` begins, and the length of the buffer.
         state: Memory of the context network and of the chain, left unchanged.
         given: Features (W, D) and the label (P,).
@@ -183,11 +183,9 @@ def observe_window(
         buffer[offsets[OBSERVED] + q] = latent[q]
     found = (weights, means, covariances)
     log_likelihood, distance = follow_chain(prior, (latent, widening), timing[2], restart, memory, found)
-    score = distance / regions[2]
+    score = distance / radius
     if not log_likelihood > UNDERFLOW:
         score = max(score, NEVER_SEEN)
-    if networks[2][0].shape[0] > 0:
-        score = max(score, nearest(run_network(networks[2], buffer, nothing), regions[0], regions[1]))
     return context, memory, buffer, weights, log_likelihood, means, covariances, score
 
 
@@ -199,7 +197,7 @@ def recognise_window(network: Parts, buffer: Float32Array) -> FloatArray:
 
 @compiled
 def generate_window(
-    networks: tuple[Parts, Parts, Parts],
+    networks: tuple[Parts, Parts],
     offsets: IntArray,
     observed: tuple[Float32Array, FloatArray, FloatArray, FloatArray],
     operators: FloatArray,
@@ -209,22 +207,19 @@ def generate_window(
     """Condition on what was observed, mix and decode.
 
     Args:
-        networks: Gate, residual, decoder.
+        networks: Residual, decoder.
         offsets: As for `observe_window`.
-        observed: Board, weights, means and covariances of `Observed`.
+        observed: Buffer, weights, means and covariances of `Observed`.
         operators: (K, N N, C C) see `propagate_covariance`.
         phases: (K,) mean time of each component.
         residual_covariance: (N, N) added to the covariance.
 
     Returns:
         The decoded window (W, N), covariance (N, N) of a frame's values averaged over it, the belief (K,) over the
-        components after the gate, and the phase by that belief.
+        components, and the phase by that belief.
     """
     buffer, belief, means, covariances = observed[0].copy(), observed[1], observed[2], observed[3]
     nothing, begin = np.empty(0, dtype=np.float32), offsets[BELIEF]
-    if networks[0][0].shape[0] > 0:
-        buffer[begin : begin + belief.size] = belief
-        belief = gate_weights(belief, run_network(networks[0], buffer, nothing))
     latent, phase = np.zeros(means.shape[1]), 0.0
     for j in range(belief.shape[0]):
         phase += belief[j] * phases[j]
@@ -232,13 +227,13 @@ def generate_window(
             latent[c] += belief[j] * means[j, c]
     covariance = residual_covariance.copy()
     propagate_covariance(belief, (means, covariances), latent, operators, covariance)
-    if networks[1][0].shape[0] > 0:
-        shift = run_network(networks[1], buffer, nothing)
+    if networks[0][0].shape[0] > 0:
+        shift = run_network(networks[0], buffer, nothing)
         for c in range(latent.shape[0]):
             latent[c] += shift[c]
     buffer[begin : begin + belief.size] = belief
     buffer[offsets[CONTROLLED] : offsets[CONTROLLED] + latent.size] = latent
-    decoded, size = run_network(networks[2], buffer, nothing), covariance.shape[0]
+    decoded, size = run_network(networks[1], buffer, nothing), covariance.shape[0]
     motion = np.empty((decoded.shape[0] // size, size))
     for i in range(decoded.shape[0]):
         motion[i // size, i % size] = decoded[i]

@@ -187,13 +187,11 @@ def _learner(
     start: Mapping[str, NDArray[Any]],
     resume: Sequence[Snapshot],
 ) -> tuple[Learner, Objective]:
-    """A member before its first epoch or as the first of `resume` has it, and what it shall minimise."""
+    """A member before its first epoch or as the first of `resume` has it, and what it minimises."""
     question, answer = window_coordinates(corpus, settings)
     labels = len(corpus.interactions)
     with drawing_from(*draws):
-        networks = MemberNetworks(
-            settings.architecture, question.size, answer.size, labels, settings.prior.components, settings.dropout
-        )
+        networks = MemberNetworks(settings.architecture, question.size, answer.size, labels, settings.dropout)
     compile_memories(networks)
     carried = transfer_layers(networks, start)
     if start and not carried:

@@ -226,14 +226,6 @@ FAULTS = (
         MIXING,
     ),
     Fault(
-        "gate without the belief",
-        "The gate's logits alone choose the components; the chain's belief is dropped.",
-        f"{HERE}/mixing.py",
-        "np.log(belief[j] + 1e-12) + logits[j]",
-        "logits[j]",
-        MIXING,
-    ),
-    Fault(
         "spread between the components dropped",
         "The covariance holds what each component is unsure of, and not that they disagree.",
         f"{HERE}/mixing.py",
@@ -242,27 +234,11 @@ FAULTS = (
         MIXING,
     ),
     Fault(
-        "distance from a centre in metres",
-        "The distance from a known cluster is not divided by the cluster's radius.",
-        f"{HERE}/mixing.py",
-        "np.sqrt(total) / radii[m]",
-        "np.sqrt(total)",
-        MIXING,
-    ),
-    Fault(
         "newest frame first",
         "The context network takes the missed frames from the newest to the oldest.",
         f"{HERE}/stepping.py",
         "for back in range(steps - 1, -1, -1):",
         "for back in range(steps):",
-        MIXING,
-    ),
-    Fault(
-        "decoder sees the belief before the gate",
-        "The decoder is given another belief than the latent was mixed with.",
-        f"{HERE}/stepping.py",
-        "    buffer[begin : begin + belief.size] = belief\n    buffer[offsets[CONTROLLED]",
-        "    buffer[begin : begin + belief.size] = observed[1]\n    buffer[offsets[CONTROLLED]",
         MIXING,
     ),
     Fault(
@@ -287,14 +263,6 @@ FAULTS = (
         f"{HERE}/stepping.py",
         "score = max(score, NEVER_SEEN)",
         "score = min(score, NEVER_SEEN)",
-        MIXING,
-    ),
-    Fault(
-        "score of the last detector only",
-        "The distance of the latent no longer counts where there is a distance network.",
-        f"{HERE}/stepping.py",
-        "score = max(score, nearest(run_network(networks[2], buffer, nothing), regions[0], regions[1]))",
-        "score = nearest(run_network(networks[2], buffer, nothing), regions[0], regions[1])",
         MIXING,
     ),
     Fault(

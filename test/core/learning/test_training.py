@@ -167,7 +167,7 @@ def test_hidden_layers_are_carried_over_where_sizes_agree_and_nothing_else_is():
 
     def made(seed, questions):
         torch.manual_seed(seed)
-        return MemberNetworks(architecture, questions, 4, 2, 3, 0.0)
+        return MemberNetworks(architecture, questions, 4, 2, 0.0)
 
     donor, heir, before = made(0, 6), made(1, 7), made(1, 7)
     chains = {name: getattr(donor, name) for name in ("context", "encoder", "residual", "decoder")}
