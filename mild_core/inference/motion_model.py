@@ -79,8 +79,8 @@ def build_model(manifest: Manifest, arrays: Arrays) -> MildModel:
     Args:
         manifest: Says which arrays there are.
         arrays: `member_<i>.<network>.<layer>.<array>`, `member_<i>.prior.<interaction>.<array>`,
-            `member_<i>.latent_radius`; `residual_covariance`; `covariance_scale`, `recognition` (temper, forgetting),
-            `territory.<array>`, `reservoir.<array>`, `start_pose.<array>` and `gestures.<array>`, which may be left out.
+            `member_<i>.latent_radius`; `residual_covariance`; and, optional, `covariance_scale`, `recognition`
+            (temper, forgetting), `territory.<array>`, `reservoir.<array>`, `start_pose.<array>`, `gestures.<array>`.
 
     Raises:
         ModelError: An array is missing, of another shape, not finite or not what the manifest says; it is named.
