@@ -10,7 +10,7 @@ import numpy as np
 from mild_core.shapes import FloatArray, read_only
 
 CLOSEST_CALL = 50.0
-"""Nats by which one frame can speak against an interaction at most: a single bad frame decides nothing for good."""
+"""Floor of the per-frame log-likelihood ratio [nat], so that one outlier cannot rule an interaction out."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -52,8 +52,8 @@ RELENT = 1.0
 contorts itself for the last of them is late when the person comes nearer."""
 
 TRIED_POSES, SEED = 1000, 7
-"""As far as the hand comes from the shoulder in so many random poses it is sent: further the arm would be straight, and
-a straight arm that is sent further yet trembles."""
+"""Random poses from which the reach is estimated, and their seed. Targets beyond it are pulled in: a fully extended
+arm oscillates."""
 
 SOFT = 0.3
 """Stiffness of the arm while hands touch, of 1 while it reaches."""

@@ -25,7 +25,7 @@ LONGEST_GUESS_S = 0.15
 """A hand goes on at its speed for no longer than this: then it may have turned."""
 
 WITHDRAWING_S = 0.15
-"""So far ahead it is looked whether a hand is on its way back."""
+"""Look-ahead for deciding whether the hand is being withdrawn [s]."""
 
 OFFERED = 0.7
 """A hand is offered while it is at least this share of the way from its rest that it has come at most."""
