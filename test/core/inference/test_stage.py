@@ -322,14 +322,6 @@ def test_a_jump_in_time_forgets_the_person_and_not_where_the_robot_stood(paper_m
         assert after.counts["accepted"] == 6
 
 
-def test_motion_far_from_all_centres_is_counted(full_model):
-    stage = Inference(full_model, "rocket")
-    state, _ = run(stage, windows(5))
-    far = FeatureWindow(state.stamp_ns + PERIOD_NS, "arm", JOINTS, np.full((40, 9), 1e3))
-    _, (motion,) = stage.step(state, far, 0)
-    assert motion.out_of_distribution > 10.0
-
-
 def test_evidence_names_the_interaction_whose_motion_it_is():
     """Four priors at four places of the latent, and a person at the third."""
     of = manifest((paper_member(hidden=(20, 12)),), components=4)
