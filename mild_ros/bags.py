@@ -35,8 +35,9 @@ from mild_ros.bag_budgets import (
     check_metadata,
     is_storage,
 )
+from mild_ros.bag_kinds import begins_as, nothing_in, storages
 from mild_ros.bag_types import Layouts, current_name, jazzy_types
-from mild_ros.salvage import rewritten
+from mild_ros.salvage import refusal, rewritten
 from mild_ros.salvage import salvage as save_what_is_left
 from mild_ros.salvage_mcap import is_indexed
 
@@ -181,8 +182,9 @@ def open_bag(path: Path | str, *, salvage: bool = False) -> Iterator[BagReader]:
     try:
         with ExitStack() as stack:
             yield _opened(path, salvage, stack)
-    except OverBudgetError as error:
-        raise error.of(path) from None
+    except (OverBudgetError, BagError) as error:
+        refused = error.of(path) if isinstance(error, OverBudgetError) else error
+        raise (refusal(refused, path) if refused.remedy == SALVAGE else refused) from None
 
 
 def _opened(path: Path, salvage: bool, stack: ExitStack) -> BagReader:
@@ -262,7 +264,9 @@ def _check_files(path: Path, salvage: bool) -> None:
     if not path.is_dir():
         check_file(path, path)
         if path.suffix not in (".mcap", ".db3", ROS1) and not salvage:
-            raise BagError(str(path), "is no bag", "give a folder with metadata.yaml, or a .mcap, .db3 or .bag file")
+            raise BagError(str(path), "is packed", SALVAGE) if is_storage(path) else nothing_in(path)
+        if path.suffix == ROS1 and not begins_as(path, ROS1):
+            raise nothing_in(path)
         return
     file = path / METADATA
     if os.path.lexists(file):
@@ -273,9 +277,7 @@ def _check_files(path: Path, salvage: bool) -> None:
                 check_file(storage, path)
         return
     if not file.exists():
-        holds = any(path.glob("*.mcap*")) or any(path.glob("*.db3*"))
-        remedy = SALVAGE if holds else "give the folder that `ros2 bag record` or `mild_ros record` wrote"
-        raise BagError(str(path), "has no metadata.yaml", remedy)
+        raise BagError(str(path), "has no metadata.yaml", SALVAGE) if storages(path) else nothing_in(path)
     for name in [PurePosixPath(name) for name in _listed_files(check_metadata(file))]:
         if name.is_absolute() or ".." in name.parts:
             raise BagError(str(file), f"points outside the bag ({name})", DISTRUST)

@@ -5,11 +5,13 @@ Whatever retargeting takes goes through a bounded inbox in which the newest wins
 of the operator are never dropped and are served at once, `~/hold` before all else: its requests lie in DDS until this
 thread takes them, at least once in a control period, however many other calls wait. Live, ticks come from the steady
 clock. With `use_sim_time` they come from `/clock`; when that stands still while the robot moves, the robot is stopped
-on the steady clock. In lock-step there is no thread: each input is taken where it comes (`StageNode.is_in_order`).
+on the steady clock. The thread has real-time priority where that is allowed. In lock-step there is no thread: each
+input is taken where it comes (`StageNode.is_in_order`).
 """
 
 from __future__ import annotations
 
+import os
 import sys
 import threading
 import time
@@ -46,6 +48,9 @@ ANSWER_S = 5.0
 """Control answers within a period; a machine that gives it no time for so long has stopped."""
 
 
+PRIORITY = 50
+"""Of control among real-time threads; source: what ros2_control gives its own."""
+
 END_S = 1.0
 """A smooth stop takes 0.3 s; a node that is to end ends after this time in any case."""
 
@@ -71,6 +76,15 @@ def kind_of(given: RetargetingInput) -> str:
     """What an input is called in diagnostics."""
     kinds = ((JointMeasurement, "measurement"), (PersonPose, "person"), (MotionWindow, "motion"))
     return next((name for kind, name in kinds if isinstance(given, kind)), "request")
+
+
+def in_real_time() -> bool:
+    """Give this thread real-time priority, but none that it starts; whether that is allowed (limits.conf, root)."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(PRIORITY))
+    except (OSError, AttributeError):  # not allowed; no such thing on this system
+        return False
+    return True
 
 
 class _Call:
@@ -211,6 +225,7 @@ class Control:
         return self.clock.now_ns() + (self._standing_ns or 0)
 
     def _run(self) -> None:
+        self._diagnostics.facts["control priority"] = "real time" if in_real_time() else "normal"
         next_s = time.monotonic()
         # Each part by itself: a fault in one of them costs neither the commands nor the smooth stop.
         guard, watch = self._node.guard, self._node.guard("control", self.commanding.watch)

@@ -4,9 +4,11 @@
 from __future__ import annotations
 
 import os
+import socket
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from xml.etree import ElementTree
 
 GIVEN_RMW = "MILD_GIVEN_RMW"
 """Set by `./mild` to the user's RMW_IMPLEMENTATION where it takes Fast DDS in its place, the only one it brings."""
@@ -21,6 +23,9 @@ PAIRED = "pair_"
 """Names of two processes that look for each other begin so."""
 
 RANGES = ("SUBNET", "LOCALHOST", "OFF", "SYSTEM_DEFAULT")
+
+TRANSPORTS = ("DEFAULT", "DEFAULTv6", "SHM", "UDPv4", "UDPv6", "LARGE_DATA", "LARGE_DATAv6", "NONE")
+"""Source: Fast DDS 2.14, BuiltinTransports."""
 
 OWN_SERVERS = ("127.0.0.1", "localhost", "0.0.0.0")
 DISCOVERY_PORT = 11811
@@ -58,6 +63,8 @@ def _udp_ports() -> set[int]:
 
 
 def _no_range(value: str) -> str:
+    if os.environ.get("ROS_LOCALHOST_ONLY") == "1":
+        return ""  # it counts more
     if value.upper() == "OFF":
         return "no node finds another: unset it, or set LOCALHOST or SUBNET"
     return "" if value.upper() in RANGES else f"no range: set one of {', '.join(RANGES)}"
@@ -65,6 +72,34 @@ def _no_range(value: str) -> str:
 
 def _no_file(value: str) -> str:
     return "" if Path(value).is_file() else "no such file: unset it, or name one that there is"
+
+
+def _no_profile(value: str) -> str:
+    """A file of settings that is not there, or that Fast DDS passes over because it is no XML."""
+    if missing := _no_file(value):
+        return missing
+    try:
+        ElementTree.parse(value)
+    except (OSError, ElementTree.ParseError) as error:
+        return f"cannot be read ({error}), so nothing in it counts: correct it, or unset this"
+    return ""
+
+
+def _no_peer(value: str) -> str:
+    """A machine whose address cannot be found: no node starts then."""
+    for peer in filter(None, value.split(";")):
+        try:
+            socket.getaddrinfo(peer, None, socket.AF_INET)
+        except (OSError, UnicodeError):
+            return f"'{peer}' is no IPv4 address and no name known here, so no node starts: correct it, or unset it"
+    return ""
+
+
+def _no_transports(value: str) -> str:
+    """A word that Fast DDS passes over."""
+    if value.partition("?")[0] in TRANSPORTS:
+        return ""
+    return f"Fast DDS knows no such transports and takes its own: set one of {', '.join(TRANSPORTS)}"
 
 
 def _not_installed(value: str) -> str:
@@ -90,17 +125,18 @@ def _secured(value: str) -> str:
 VARIABLES: Mapping[str, Variable] = {
     "ROS_DISCOVERY_SERVER": Variable("nodes find each other only through the discovery server there", _without_server),
     "ROS_SUPER_CLIENT": Variable("sees all that a discovery server knows"),
-    "ROS_STATIC_PEERS": Variable("nodes of these machines are looked for too"),
+    "ROS_STATIC_PEERS": Variable("nodes of these machines are looked for too", _no_peer),
     "ROS_LOCALHOST_ONLY": Variable("1 keeps discovery to this machine, whatever the discovery range says; outdated"),
     "ROS_AUTOMATIC_DISCOVERY_RANGE": Variable("how far nodes are looked for", _no_range),
     "RMW_IMPLEMENTATION": Variable("which middleware carries messages; one for all nodes", _not_installed),
     GIVEN_RMW: Variable("your RMW_IMPLEMENTATION; ./mild brings Fast DDS alone and takes that"),
-    "FASTRTPS_DEFAULT_PROFILES_FILE": Variable("settings of Fast DDS 2, for transports, networks and QoS", _no_file),
-    "FASTDDS_DEFAULT_PROFILES_FILE": Variable("settings of Fast DDS, for transports, networks and QoS", _no_file),
+    "FASTRTPS_DEFAULT_PROFILES_FILE": Variable("settings of Fast DDS 2, for transports, networks and QoS", _no_profile),
+    "FASTDDS_DEFAULT_PROFILES_FILE": Variable("settings of Fast DDS, for transports, networks and QoS", _no_profile),
     "RMW_FASTRTPS_USE_QOS_FROM_XML": Variable("1 takes QoS from that file rather than from the nodes"),
     "RMW_FASTRTPS_PUBLICATION_MODE": Variable("whether publishers wait for the network"),
     "FASTDDS_BUILTIN_TRANSPORTS": Variable(
-        "how messages travel; UDPv4 leaves shared memory out, but not with the discovery range LOCALHOST"
+        "how messages travel; UDPv4 leaves shared memory out, but not with the discovery range LOCALHOST",
+        _no_transports,
     ),
     "FASTDDS_STATISTICS": Variable("Fast DDS publishes figures of its own"),
     "FASTDDS_ENVIRONMENT_FILE": Variable("a file that sets ROS_DISCOVERY_SERVER", _no_file),

@@ -172,14 +172,15 @@ def _until(
     happened: Callable[[], bool],
     nodes: Nodes,
     meanwhile: Callable[[], None],
-    patience_s: float = DISCOVERY_S,
+    patience_s: float | None = None,
     problem: str = "do not hear each other",
 ) -> None:
     """Wait until `happened`, looking after the nodes.
 
     Raises:
-        SetupError: One has failed, or it took longer than `patience_s`, which is the `problem` then.
+        SetupError: One has failed, or it took longer than `patience_s` (or `DISCOVERY_S`), which is the `problem` then.
     """
+    patience_s = DISCOVERY_S if patience_s is None else patience_s
     deadline_s = time.monotonic() + patience_s
     while not happened():
         nodes.check("replay")

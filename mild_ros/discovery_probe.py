@@ -28,9 +28,11 @@ from rclpy.node import Node
 from rclpy.task import Future
 from std_msgs.msg import String
 
+from mild_core.errors import SetupError
 from mild_ros.dds_variables import PAIRED, UNNAMED
 from mild_ros.message_types import message_class
 from mild_ros.quality_of_service import SENSOR
+from mild_ros.ros_errors import refused_in_one_line
 
 PERIOD_S = 0.05
 OWN_NAME = "mild_doctor_"
@@ -173,8 +175,12 @@ def _answer_alone() -> int:
 def main(words: list[str]) -> None:
     """Run one of them and print."""
     answer = _answer_alone()
-    rclpy.init(args=[])
-    node = rclpy.create_node(f"{OWN_NAME}{time.monotonic_ns()}")
+    try:
+        with refused_in_one_line():
+            rclpy.init(args=[])
+            node = rclpy.create_node(f"{OWN_NAME}{time.monotonic_ns()}")
+    except SetupError as error:
+        sys.exit(error.problem)
     try:
         if words[0] == "hello":
             found: Any = hello(node, words[1], float(words[2]), *words[3:])

@@ -3,11 +3,14 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import platform
 import pwd
 import shutil
+import socket
+import struct
 import subprocess
 import sys
 import tempfile
@@ -28,6 +31,7 @@ from mild_ros.processes import DOMAINS, PYTHON, shared_memory_owners
 from mild_ros.simulation.quiet import quiet_terminal
 
 SEE = "see docs/troubleshooting.md"
+SAME = "as for Discovery"
 
 PYTHONS = ((3, 11), (3, 12))
 LEAST_SHARED_MEMORY_MB = 16
@@ -44,6 +48,9 @@ SENDERS_PATIENCE_S = 6.0
 
 HANGING_S = 20.0
 """A process that looks for others ends this much later than it was asked to, at the latest."""
+
+_GET_FLAGS, _IS_UP, _HAS_MULTICAST = 0x8913, 0x1, 0x1000
+"""SIOCGIFFLAGS, IFF_UP and IFF_MULTICAST of netdevice(7)."""
 
 REPORT_PATIENCE_S = 3.0
 """Nodes report once a second; discovery takes its time."""
@@ -106,9 +113,9 @@ def distribution() -> Finding:
 
 def domain() -> Finding:
     """Who may hear us."""
-    given = os.environ.get("ROS_DOMAIN_ID", "0")
-    reach = os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET")
-    well = given.isdigit() and (int(given) == 0 or int(given) in DOMAINS)
+    given = os.environ.get("ROS_DOMAIN_ID") or "0"
+    reach = os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE") or "SUBNET"
+    well = given.isdecimal() and (int(given) == 0 or int(given) in DOMAINS)
     seen = f"{given}, discovery range {reach}"
     return Finding("ROS_DOMAIN_ID", well, seen, f"choose one from 0 to {DOMAINS[-1]}, the same on every machine")
 
@@ -117,10 +124,14 @@ def shared_memory() -> Finding:
     """Room for messages between processes of one machine."""
     place = Path("/dev/shm")
     if not os.access(place, os.W_OK):
-        return Finding("Shared memory", False, f"{place} cannot be written", "mount it, in a container with --ipc=host")
+        remedy = f"as root: mount -t tmpfs tmpfs {place}; a container: start it with --ipc=host or --shm-size=64m"
+        return Finding("Shared memory", False, f"{place} cannot be written", remedy)
     free_mb = shutil.disk_usage(place).free // 1_000_000
     seen = f"{free_mb} MB free in {place}"
-    remedy = f"remove fastrtps_* of ended programs from {place}, or give it more room"
+    remedy = (
+        f"when no node runs: rm {place}/fastrtps_*; or give it more room, as root: mount -o remount,size=64M {place};"
+        " a container: --shm-size=64m"
+    )
     return Finding("Shared memory", free_mb >= LEAST_SHARED_MEMORY_MB, seen, remedy)
 
 
@@ -156,13 +167,43 @@ def discovery() -> Finding:
     said = _deaf(DISCOVERY_PATIENCE_S, os.environ)
     if said is None:
         return Finding("Discovery", True, "two processes hear each other")
-    remedy = "allow multicast on lo (ip link set lo multicast on), or set ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST"
-    if culprits := _culprits():
+    if first := _first():
+        return Finding("Discovery", False, said, first)
+    flags = _loopback_flags()
+    remedy = _to_be_heard(flags)
+    if flags & _IS_UP and (culprits := _culprits()):
         named = " and ".join(f"{name}={os.environ[name]}" for name in culprits)
         remedy = (
             f"unset {' '.join(culprits)}: with {named} nothing is received, without it two processes hear each other"
         )
     return Finding("Discovery", False, said, remedy)
+
+
+def _first() -> str:
+    """What has to be mended before any node starts; "" for nothing."""
+    unwell = [finding for finding in (domain(), log_folder()) if not finding.well]
+    return f"first mend {unwell[0].subject}: {unwell[0].remedy}" if unwell else ""
+
+
+def _to_be_heard(flags: int) -> str:
+    """What lets two processes hear each other where no variable keeps them apart, with these flags of loopback."""
+    if not flags & _IS_UP:
+        return "bring loopback up: ip link set lo up"
+    remedies = [] if flags & _HAS_MULTICAST else ["allow multicast on lo: ip link set lo multicast on"]
+    if os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "").upper() != "LOCALHOST":
+        remedies.append("set ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST")
+    remedies.append("let a firewall pass UDP from port 7400 up on lo, and to 239.255.0.1")
+    return ", or ".join(remedies)
+
+
+def _loopback_flags() -> int:
+    """Flags of the interface `lo`; 0 where there is none. Source: netdevice(7)."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
+        try:
+            answer = fcntl.ioctl(any_socket, _GET_FLAGS, struct.pack("16sh", b"lo", 0))
+        except OSError:
+            return 0
+    return int(struct.unpack_from("h", answer, 16)[0])
 
 
 def _deaf(patience_s: float, environment: Mapping[str, str]) -> str | None:
@@ -192,7 +233,7 @@ def reception() -> Finding:
     """Whether what other nodes of this domain publish arrives: seen and not heard is another user, or a container."""
     (found,) = _heard(("senders", SENDERS_PATIENCE_S))
     if not isinstance(found, dict):
-        return Finding("Running nodes heard", False, str(found), SEE)
+        return Finding("Running nodes heard", False, str(found), _first() or SAME)
     strangers = _strangers()
     unheard = {name: sender["publishes"] for name, sender in found.items() if _is_unheard(name, sender, strangers)}
     if not unheard:
@@ -236,7 +277,7 @@ def other_machines() -> Finding:
     """Whether a doctor on another machine is heard; only when it is asked for."""
     (names,) = _heard(("hello", platform.node(), MACHINES_PATIENCE_S))
     if isinstance(names, str):
-        return Finding("Other machines", False, names, SEE)
+        return Finding("Other machines", False, names, _first() or SAME)
     seen = f"{platform.node()} hears {', '.join(names)}" if names else f"none heard in {MACHINES_PATIENCE_S:.0f} s"
     remedy = (
         "run it on both at once; the same ROS_DOMAIN_ID, range SUBNET and multicast on both,"
@@ -249,9 +290,9 @@ def running_nodes() -> Finding:
     """What the nodes of this domain say of themselves: rates, frames and all else that is wrong."""
     (found,) = _heard(("reports", REPORT_PATIENCE_S))
     if not isinstance(found, dict):
-        return Finding("Running nodes", False, str(found), SEE)
+        return Finding("Running nodes", False, str(found), _first() or SAME)
     if not found:
-        where = os.environ.get("ROS_DOMAIN_ID", "0")
+        where = os.environ.get("ROS_DOMAIN_ID") or "0"
         return Finding("Running nodes", True, f"none reports in domain {where}")
     lines = {}
     for name, report in found.items():

@@ -22,6 +22,7 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 from mild_core.errors import SetupError
+from mild_ros.ros_errors import refused_in_one_line
 from mild_ros.running import domain_id
 
 DISCOVERY_S = 8.0
@@ -164,12 +165,13 @@ def operator_client() -> Iterator[OperatorClient]:
     """An `OperatorClient` in the domain of this terminal.
 
     Raises:
-        SetupError: `ROS_DOMAIN_ID` is wrong.
+        SetupError: ROS 2 refuses to start in this environment.
     """
     domain_id()
     context = rclpy.Context()
-    rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
-    node = Node("mild_operator", context=context, start_parameter_services=False, enable_rosout=False)
+    with refused_in_one_line():
+        rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
+        node = Node("mild_operator", context=context, start_parameter_services=False, enable_rosout=False)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
     try:

@@ -111,7 +111,8 @@ def _domains_in_use() -> set[int]:
 class Nodes:
     """Nodes of ours, ended in reverse order when the block is left, however it is left.
 
-    SIGTERM ends this process in order too; and when it is killed outright, the nodes are with it.
+    SIGTERM and SIGHUP (a closed terminal) end this process in order too; and when it is killed outright, the nodes are
+    with it.
 
     Args:
         domain: The ROS 2 domain they talk in.
@@ -129,13 +130,16 @@ class Nodes:
         self._environment = local_environment(os.environ, domain) | own
 
     def __enter__(self) -> Nodes:
-        self._before = signal.signal(signal.SIGTERM, _interrupt)
+        ignored = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN  # by nohup
+        numbers = (signal.SIGTERM,) if ignored else (signal.SIGTERM, signal.SIGHUP)
+        self._before = {number: signal.signal(number, _interrupt) for number in numbers}
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         for name in reversed(list(self._running)):
             self.stop(name)
-        signal.signal(signal.SIGTERM, self._before)
+        for number, before in self._before.items():
+            signal.signal(number, before)
 
     def start(self, name: str, parameters: Mapping[str, object], topics: Mapping[str, str] | None = None) -> None:
         """Start the executable `name` of ours with these parameters, and with other names for its `topics`."""

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import gc
 import os
-import re
 import signal
 import sys
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -28,6 +27,7 @@ from rclpy.utilities import remove_ros_args
 
 from mild_core.errors import SetupError
 from mild_ros.parameters import help_text
+from mild_ros.ros_errors import USAGE, refused_in_one_line
 from mild_ros.terminal import show_any_text
 from mild_ros.threads import StageNode
 
@@ -39,8 +39,6 @@ _NOTICE_S = 0.1
 
 LAST_DOMAIN = 232
 """With a higher one DDS ends the process by itself: its ports would be above the last there is."""
-
-USAGE = "write --ros-args -p NAME:=VALUE -r TOPIC:=TOPIC"
 
 VALUE_FLAGS = ("-p", "--param", "-r", "--remap", "--log-level", "-e", "--enclave", "--params-file")
 """Flags of `--ros-args` that take the next word."""
@@ -80,7 +78,8 @@ def _run(
     try:
         check_words(sys.argv[1:], parameter_names)
         _start_ros()
-        node = make_node()
+        with refused_in_one_line():
+            node = make_node()
         interruption.end_of_loading()
         _spin(node, interruption)
     except SetupError as error:
@@ -153,14 +152,9 @@ def _start_ros() -> None:
         SetupError: The environment or the command line is wrong.
     """
     domain_id()
-    try:
+    with refused_in_one_line():
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         words = remove_ros_args(sys.argv)[1:]
-    except Exception as error:  # rclpy has no common root for what it raises
-        problem = re.sub(r",? at /\S+", "", str(error).splitlines()[0])
-        if "logging" in problem:
-            raise SetupError("ROS log", problem, "set ROS_LOG_DIR to a folder that can be written") from None
-        raise SetupError("--ros-args", problem, USAGE) from None
     if words:
         raise SetupError(words[0], "is no argument of a node", USAGE)
 

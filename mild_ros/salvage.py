@@ -11,27 +11,29 @@ import re
 import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from rosbags.interfaces import Connection
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.rosbag2.storage_mcap import McapReader
 
 from mild_core.errors import BagError
-from mild_ros.bag_budgets import (
-    METADATA_BYTES,
-    OverBudgetError,
-    check_scratch,
-    is_storage,
-)
+from mild_ros.bag_budgets import METADATA_BYTES, OverBudgetError, check_scratch
+from mild_ros.bag_kinds import begins_as, nothing_in, storages
 from mild_ros.bag_types import Convert, Layouts, current_name
 from mild_ros.salvage_found import ROS1_ENCODING, Found, Loss, unpacked
 from mild_ros.salvage_mcap import is_indexed, is_whole, mcap_messages
 from mild_ros.salvage_sqlite import sqlite_messages
 
 _PACKED = (".zstd", ".zst")
+_COPIED = (".db3", *_PACKED)
 CHECK_BYTES = 1 << 24
 """After so many more bytes it is looked how many there are in all, and how full the disk is."""
+
+GLANCE_BYTES = 64 << 20
+"""A larger file that has to be copied or unpacked to look into it is taken to hold a message."""
 
 
 @dataclass(frozen=True)
@@ -51,25 +53,28 @@ class Salvaged:
     is_whole: bool
 
 
-def salvage(path: Path, scratch: Path) -> Salvaged:
+def salvage(path: Path, scratch: Path, most: float = inf) -> Salvaged:
     """Write what is readable of a bag again.
 
     Args:
         path: The bag's folder or one storage file.
         scratch: An empty folder for it.
+        most: Messages after which it ends.
 
     Raises:
         BagError: There is nothing to read.
     """
-    files = _storages(path)
+    files = storages(path)
     loss = Loss()
     with Writer(scratch / "salvaged", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         written = _Rewriting(writer, sum(file.stat().st_size for file in files))
         for file in files:
-            for found in _messages(file, scratch, loss):
+            for found in _messages(file, scratch, loss) if written.saved < most else ():
                 written.add(found, loss)
+                if written.saved >= most:
+                    break
         if not written.saved:
-            raise BagError(str(path), "holds no readable message", "record it again")
+            raise nothing_in(path)
     announced = _announced(path / "metadata.yaml") if path.is_dir() else None
     foreign = sum(loss.foreign.values())
     lost = _loss_text(loss, written.saved + foreign, announced)
@@ -78,6 +83,26 @@ def salvage(path: Path, scratch: Path) -> Salvaged:
         encodings = ", ".join(f"{count} in {name}" for name, count in loss.foreign.items())
         lost = "; ".join(filter(None, (lost, f"left out, as they are no messages of ROS: {encodings}")))
     return Salvaged(scratch / "salvaged" / "salvaged.mcap", written.saved, lost, whole)
+
+
+def refusal(error: BagError, path: Path) -> BagError:
+    """A refusal that advises to salvage; where that would find nothing, what is true in its place.
+
+    Args:
+        error: Why the bag is refused as it is.
+        path: The bag.
+    """
+    files = storages(path)
+    if any(file.stat().st_size > GLANCE_BYTES and begins_as(file, ending) for file in files for ending in _COPIED):
+        return error
+    try:
+        with TemporaryDirectory(prefix="mild_bag_") as scratch:
+            salvage(path, Path(scratch), most=1)
+    except OverBudgetError as over:
+        return BagError(error.thing, error.problem, over.remedy)
+    except BagError as nothing:
+        return BagError(nothing.thing, nothing.problem, nothing.remedy)
+    return error
 
 
 def rewritten(path: Path, scratch: Path) -> Salvaged | None:
@@ -90,7 +115,7 @@ def rewritten(path: Path, scratch: Path) -> Salvaged | None:
     Returns:
         All its messages; None when it is broken, or when its files are not the reason why it cannot be read.
     """
-    files = _storages(path)
+    files = storages(path)
     if not files or not all(file.suffix == ".mcap" and is_whole(file) for file in files):
         return None
     if not any(_needs_rewriting(file) for file in files):
@@ -114,10 +139,6 @@ def _needs_rewriting(file: Path) -> bool:
         return not is_indexed(reader)
     finally:
         reader.close()
-
-
-def _storages(path: Path) -> list[Path]:
-    return sorted(file for file in path.iterdir() if is_storage(file)) if path.is_dir() else [path]
 
 
 def _messages(file: Path, scratch: Path, loss: Loss) -> Iterator[Found]:

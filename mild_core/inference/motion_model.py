@@ -40,7 +40,7 @@ class MildModel:
         temper: Power of each frame's likelihood in recognition.
         forgetting: Share of the evidence that is kept from one frame to the next.
         covariance_scale: (P,) what the published covariance is multiplied with while an interaction goes on, so that
-            its 90 % region holds nine true values of ten; by cross-validation, see `learning.calibration`.
+            its 90 % region holds nine true values of ten; by cross-validation, see `learning.uncertainty_calibration`.
         reservoir: What answers beside the members; None: they answer alone.
         start_pose: Correction by the robot's pose at the start; None: none.
         territory: Where the known interactions' windows lie; None: novelty is judged by the members alone.

@@ -54,7 +54,9 @@ def take_motion(
     bound = OUT_OF_DISTRIBUTION if state.mode is Mode.FOLLOWING else settings.known_below
     # A hand that is back at its rest ends what was followed: the robot goes home, and does not hold as for the unknown.
     ended = given.state == RESTING and state.mode is Mode.FOLLOWING
-    if not ended and (not given.interaction or given.out_of_distribution > bound):
+    # An offered hand has no name yet: whether the robot sets off for one depends on the person, see `start_gate.py`.
+    is_some = bool(given.interaction) or given.state == OFFERED
+    if not ended and (not is_some or given.out_of_distribution > bound):
         since_ns = now_ns if state.unknown_since_ns is None else state.unknown_since_ns
         return replace(state, unknown_since_ns=since_ns).ended("unknown")
     return replace(state, plan=plan, unknown_since_ns=None).ended("accepted")
@@ -65,11 +67,11 @@ def _with_evidence(
 ) -> RetargetingState:
     """The state with a running mean of how probable the recognised interaction is; what is unknown counts as 0.
 
-    An offered hand is on its way to a name: it counts, though only what is named is followed.
+    An offered hand is on its way to one of them, whichever it is.
     """
-    is_some = bool(given.interaction) or given.state == OFFERED
-    known = is_some and given.out_of_distribution <= settings.known_below
-    value = min(max(given.probability, 0.0), 1.0) if known and math.isfinite(given.probability) else 0.0
+    probability = 1.0 if given.state == OFFERED else given.probability if given.interaction else 0.0
+    known = given.out_of_distribution <= settings.known_below and math.isfinite(probability)
+    value = min(max(probability, 0.0), 1.0) if known else 0.0
     elapsed_s = settings.start_evidence_s if state.evidence_ns is None else (now_ns - state.evidence_ns) * 1e-9
     mean_s = settings.start_evidence_s / 2.0
     share = 1.0 - math.exp(-max(elapsed_s, 0.0) / mean_s) if mean_s > 0.0 else 1.0

@@ -31,7 +31,8 @@ def with_start(
                 way = way_of(sight, state.crowd)
                 # A hand that went where no greeting goes comes back from there, until it reaches for the robot.
                 doubt = "" if way.reaches(settings.start_reach_m) else way.doubt or state.doubt
-            refusal = start_refusal(sight, state.crowd, state.evidence, settings, shoulder_m, now_ns) or doubt
+            known = (state.evidence, state.named)
+            refusal = start_refusal(sight, state.crowd, *known, settings, shoulder_m, now_ns) or doubt
     if (refusal, doubt) == (state.start_refusal, state.doubt):
         return state
     before, state = state.start_refusal, replace(state, start_refusal=refusal, doubt=doubt)
@@ -52,7 +53,7 @@ def situation(
     """
     present = person_present(state, settings, now_ns)
     # The pose that belongs to a first motion may come after it, at the same time.
-    alone = not present and state.had_plan
+    alone = not present and state.had_plan and (state.named or state.mode is Mode.FOLLOWING)
     since_s = (now_ns - state.since_ns) * 1e-9
     held_s = (now_ns - state.holding_since_ns) * 1e-9
     return Situation(

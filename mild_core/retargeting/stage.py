@@ -53,6 +53,9 @@ __all__ = ["Mode", "Request", "Retargeting", "RetargetingInput", "RetargetingSet
 HOME_SHARE = 0.1
 """Share of the robot's acceleration and jerk used on the way home: no person waits for it."""
 
+GENTLE = 0.75
+"""Share of `ramp_velocity_rad_s` with which the robot sets off for a hand that is offered, not yet known for what."""
+
 EASINGS = 3
 """Times that what is taken of a refused motion is halved: an eighth of it is as good as none."""
 
@@ -175,7 +178,7 @@ class Retargeting:
         elif elapsed_s > self.settings.max_gap_s:
             state, elapsed_s = after_gap(state, motion, now_ns), 0.0
             motion = state.motion or motion
-        if state.plan is not None and self.standing is not None:
+        if state.plan is not None and state.plan.interaction and self.standing is not None:
             most_m = SHIFT_M_S * elapsed_s if state.near_m < self.settings.near_m else math.inf
             state = replace(state, place_m=self.standing.place(state.plan.interaction, state.place_m, most_m))
         among = self._obstacles(state, now_ns)
@@ -387,7 +390,8 @@ class Retargeting:
             aimed, touch = self._contact.aim(aimed, *given, np.array(motion.position_rad), elapsed_s)
             aimed = np.minimum(np.maximum(aimed, self._lower), self._upper)
         hurry = 0.0 if touch is None else touch.share * self._guard.nearness(state.near_m)
-        pursuit, target = pursuit.nearer(aimed, self.settings.ramp_velocity_rad_s, hurry, elapsed_s)
+        ramp_rad_s = self.settings.ramp_velocity_rad_s * (1.0 if plan.interaction else GENTLE)
+        pursuit, target = pursuit.nearer(aimed, ramp_rad_s, hurry, elapsed_s)
         # A plan that turns takes what is left to catch up with along, beyond the limits too.
         target = np.minimum(np.maximum(target, self._lower), self._upper)
         before = np.array(pursuit.target_rad)

@@ -2,8 +2,10 @@
 """Whether a raised hand is meant for the robot: what must hold before its first motion.
 
 People greet others, scratch themselves and point. So the first motion needs a person who faces the robot and is near
-it, a recognised interaction for a moment, and a hand that goes neither to their own head nor aside. Once the robot
-follows, only the end of the interaction stops it.
+it, a recognised interaction for a moment, and a hand that goes neither to their own head nor aside. A hand that is
+offered and has no name yet does as well, of a person who is seen to face the robot and to stand: naming takes the
+better part of a second, and then the arm would be late. Once the robot follows, only the end of the interaction stops
+it.
 """
 
 from __future__ import annotations
@@ -35,6 +37,10 @@ wave are 0.3 m in front of it or lower."""
 ASIDE_M, BEHIND_M = 0.3, 0.3
 """A hand this far outside of its shoulder, and further than in front of it, points aside; this far behind, back. Hands
 that greet come towards the middle of the body: in the recordings none was outside by more than 0.1 m."""
+
+WALKS_M_S = 0.3
+"""People whose trunk moves faster than this swing their arms, so that their hand needs a name. Standing people
+sway by less than 0.1 m/s; slow walking is 0.6."""
 
 ARM_M = 0.6
 """A hand at rest hangs this far below its shoulder, where the shoulder is not seen."""
@@ -101,6 +107,7 @@ def start_refusal(
     sight: HumanTrack,
     crowd: Crowd | None,
     evidence: float,
+    named: bool,
     settings: RetargetingSettings,
     shoulder_m: FloatArray,
     now_ns: int,
@@ -111,6 +118,7 @@ def start_refusal(
         sight: The watched hand.
         crowd: Everyone's segments, and where the watched person faces; None when not known.
         evidence: For a recognised interaction, from 0 to 1.
+        named: Whether it is known which one; else the hand is offered.
         settings: The thresholds.
         shoulder_m: (3,) the robot's first joint in its base frame.
         now_ns: Time of the command.
@@ -123,9 +131,19 @@ def start_refusal(
         away_m = math.dist(_middle(own, sight)[:2], shoulder_m[:2])
         if away_m > settings.start_trunk_m or math.dist(sight.hand_m, shoulder_m) > settings.start_hand_m:
             return FAR
-    if evidence < settings.start_evidence:
+    if evidence < settings.start_evidence or not (named or _stands_facing(sight, crowd)):
         return UNDECIDED
     return WATCHED if (now_ns - sight.raised_ns) * 1e-9 < settings.start_watch_s else ""
+
+
+def _stands_facing(sight: HumanTrack, crowd: Crowd | None) -> bool:
+    """Whether the watched person is seen to stand, and which way they face, so that this was judged."""
+    if sight.frame_id != ROBOT_FRAME or crowd is None or not np.isfinite(crowd.facing).all():
+        return False
+    segments = crowd.segments
+    each = zip(segments.people, segments.parts, segments.velocities_m_s, strict=True)
+    trunks = [ends for person, part, ends in each if person == WATCHED_PERSON and part == "trunk"]
+    return bool(trunks) and float(np.linalg.norm(trunks[0].mean(axis=0))) < WALKS_M_S
 
 
 def _around(sight: HumanTrack, crowd: Crowd | None) -> Around:

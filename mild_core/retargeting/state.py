@@ -118,6 +118,11 @@ class RetargetingState:
     outcome: str = ""
     detail: str = ""
 
+    @property
+    def named(self) -> bool:
+        """Whether it is known what the plan is about; else a hand is offered, not yet known for what."""
+        return self.plan is None or bool(self.plan.interaction)
+
     def with_sight(self, now_ns: int) -> RetargetingState:
         """The newest pose taken into account, if it came before now.
 

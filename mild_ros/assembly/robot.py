@@ -16,6 +16,7 @@ from mild_core.retargeting.chain import chain_of
 from mild_core.retargeting.kinematics import KinematicTree, read_tree
 from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.robot_file import find_robot
+from mild_core.retargeting.robots import ROBOTS
 from mild_core.signals import ARM_JOINTS
 from mild_ros.assembly.description import prepared, temporary
 
@@ -106,7 +107,10 @@ def check_fit(model: str, controlled: ControlledAgent, robot: RobotModel) -> Non
             raise SetupError(f"model {model}", problem, "name shoulder_link and elbow_link in the robot file")
     elif sorted(controlled.joint_names) != sorted(robot.joint_names):
         problem = f"it moves {', '.join(controlled.joint_names)}, but {robot.name} has {', '.join(robot.joint_names)}"
-        raise SetupError(f"model {model}", problem, "choose a model of this robot")
+        remedy = f"choose a model of {robot.name}"
+        if controlled.robot in ROBOTS:
+            remedy = f"set robot to {controlled.robot}, or {remedy}"
+        raise SetupError(f"model {model}", problem, remedy)
 
 
 def _from_topic(topic: str) -> str:

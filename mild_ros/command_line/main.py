@@ -125,7 +125,7 @@ def _check_writable(out: object) -> None:
     place = next(folder for folder in (out.absolute(), *out.absolute().parents) if folder.exists())
     if place.is_file() and place != out.absolute():
         raise SetupError(f"--out {out}", f"{place} is no folder", "choose another place")
-    if not os.access(place, os.W_OK):
+    if not os.access(place, os.W_OK, effective_ids=True):  # as writing will be judged
         raise SetupError(f"--out {out}", f"{place} cannot be written", "choose a folder of yours")
 
 

@@ -14,6 +14,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from mild_core.errors import MildError, SetupError
+from mild_core.printable import printable
 from mild_core.retargeting.robot_file import find_robot
 from mild_core.shapes import FloatArray
 from mild_ros.assembly.perception import make_perception, manifest_of, skeleton_source
@@ -85,6 +86,7 @@ def leave(recorded: Path, out: Path, options: RunOptions, title: str, console: C
     Raises:
         SetupError: The bag cannot be read.
     """
+    title = printable(title)  # the bag's name may hold what no font and no page can
     parameters = options.pipeline
     robot, source = find_robot(parameters.robot), skeleton_source(parameters)
     run = read_run(recorded, source, salvage=options.salvage)

@@ -17,7 +17,7 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from sensor_msgs.msg import JointState
 
-from mild_ros import doctor
+from mild_ros import doctor, local_dds
 from mild_ros.dds_variables import VARIABLES
 from test.ros.processes import Probe
 
@@ -39,8 +39,9 @@ def test_two_processes_hear_each_other_and_the_rest_is_well(ros_domain: int) -> 
 def test_a_domain_whose_ports_do_not_exist_is_unwell(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_DOMAIN_ID", "233")
     assert not doctor.domain().well
-    monkeypatch.setenv("ROS_DOMAIN_ID", "7")
-    assert doctor.domain().well
+    for domain in ("7", ""):
+        monkeypatch.setenv("ROS_DOMAIN_ID", domain)
+        assert doctor.domain().well
 
 
 def test_another_distribution_or_two_at_once_are_unwell(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -120,6 +121,13 @@ def test_every_variable_of_dds_is_named_with_what_it_does(monkeypatch: pytest.Mo
         ("FASTRTPS_DEFAULT_PROFILES_FILE", "/nowhere/profile.xml", "no such file"),
         ("FASTDDS_DEFAULT_PROFILES_FILE", "/nowhere/profile.xml", "no such file"),
         ("ROS_SECURITY_ENABLE", "true", "there is no keystore"),
+        ("ROS_STATIC_PEERS", "127.0.0.1;" + 70 * "a", f"'{70 * 'a'}' is no IPv4 address and no name known here"),
+        (
+            "FASTDDS_BUILTIN_TRANSPORTS",
+            "UPDv4",
+            "Fast DDS knows no such transports and takes its own: set one of",
+        ),
+        ("FASTDDS_DEFAULT_PROFILES_FILE", __file__, "cannot be read (not well-formed"),
     ],
 )
 def test_a_value_that_keeps_nodes_apart_is_unwell(
@@ -129,6 +137,34 @@ def test_a_value_that_keeps_nodes_apart_is_unwell(
     finding = doctor.environment()
     assert not finding.well
     assert f"{name}: {words}" in finding.remedy
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("ROS_STATIC_PEERS", "10.0.0.7;127.0.0.1;"),
+        ("FASTDDS_BUILTIN_TRANSPORTS", "LARGE_DATA?max_msg_size=1MB&sockets_size=1MB"),
+        ("FASTDDS_DEFAULT_PROFILES_FILE", str(local_dds.profile())),
+    ],
+)
+def test_what_dds_takes_is_well(name: str, value: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(name, value)
+    assert doctor.environment().well
+
+
+def test_a_range_counts_less_than_localhost_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")
+    monkeypatch.setenv("ROS_LOCALHOST_ONLY", "1")
+    assert doctor.environment().well
+
+
+def test_what_keeps_every_node_from_starting_is_reported_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not as four findings with a remedy of their own each."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", "mine")
+    monkeypatch.setattr(doctor, "_heard", lambda *questions, **given: ["ROS_DOMAIN_ID is no number"] * len(questions))
+    findings = [doctor.domain(), doctor.discovery(), doctor.reception(), doctor.running_nodes()]
+    assert not any(finding.well for finding in findings)
+    assert {finding.remedy for finding in findings[1:]} == {f"first mend ROS_DOMAIN_ID: {findings[0].remedy}"}
 
 
 def test_a_variable_that_makes_nodes_deaf_is_named_as_the_cause(
@@ -141,6 +177,31 @@ def test_a_variable_that_makes_nodes_deaf_is_named_as_the_cause(
     finding = doctor.discovery()
     assert not finding.well
     assert finding.remedy.startswith(f"unset ROS_DISCOVERY_SERVER: with ROS_DISCOVERY_SERVER={NO_SERVER} nothing")
+
+
+LOCAL_RANGE = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+
+
+@pytest.mark.parametrize(
+    ("flags", "environment", "remedy"),
+    [
+        (0x0, {}, "bring loopback up: ip link set lo up"),
+        (0x1, LOCAL_RANGE, "allow multicast on lo: ip link set lo multicast on, or let a firewall pass UDP"),
+        (0x1001, {}, "set ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST, or let a firewall pass UDP"),
+        (0x1001, LOCAL_RANGE, "let a firewall pass UDP from port 7400 up on lo, and to 239.255.0.1"),
+    ],
+)
+def test_the_remedy_of_a_deaf_process_is_what_is_missing(
+    flags: int, environment: dict[str, str], remedy: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert doctor._loopback_flags() & 0x1, "what talks in these tests needs it"
+    monkeypatch.setattr(doctor, "_loopback_flags", lambda: flags)
+    monkeypatch.setattr(doctor, "_deaf", lambda *given: "nothing heard")
+    for name in VARIABLES:
+        monkeypatch.delenv(name, raising=False)
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    assert doctor.discovery().remedy.startswith(remedy)
 
 
 NOISY = """

@@ -35,7 +35,7 @@ def test_a_page_that_fails_costs_neither_the_numbers_nor_the_pictures(
     (tmp_path / results.PAGE).write_text("of an earlier run")
     monkeypatch.setattr(results, "write_page", _fails)
     monkeypatch.setattr(results, "draw_filmstrip", _draws)
-    shown = results.leave(HANDSHAKE, tmp_path, RunOptions(), "handshake", Console())
+    shown = results.leave(HANDSHAKE, tmp_path, RunOptions(), "h\udcc3\udca4nd", Console())  # a name in another encoding
     left = {path.name for path in shown.files}
     assert left == {"handshake", "filmstrip.png", "plots.png", "report.json"}, "what is listed is there, and no page is"
     assert all(path.exists() for path in shown.files)

@@ -117,7 +117,8 @@ def _tables(path: Path) -> set[str]:
     found = set()
     for node in assigned:
         target = node.targets[0] if isinstance(node, ast.Assign) else node.target
-        if isinstance(target, ast.Name) and target.id.isupper() and isinstance(node.value, ast.Dict | ast.DictComp):
+        named = isinstance(target, ast.Name) and target.id.isupper() and not target.id.startswith("_")
+        if named and isinstance(node.value, ast.Dict | ast.DictComp):
             found.add(target.id)
     return found
 

@@ -23,6 +23,10 @@ STARTS = tuple(
         "test_a_greeting_starts_a_quarter_of_a_second_after_the_hand_is_raised",
     )
 )
+UNNAMED = (
+    "test/core/retargeting/test_people.py::"
+    "test_a_hand_without_a_name_starts_nothing_of_people_who_are_not_seen_to_stand_facing_the_robot",
+)
 TIMES = ("test/core/retargeting/test_life.py", "test/core/retargeting/test_stage.py")
 ERRORS = ("test/core/learning/test_evaluation.py",)
 STOPPING = ("test/core/learning/test_epoch_search.py",)
@@ -163,6 +167,22 @@ FAULTS = (
         "(now_ns - sight.raised_ns) * 1e-9 < settings.start_watch_s",
         "(now_ns - sight.raised_ns) * 1e-9 < 0.0",
         STARTS,
+    ),
+    Fault(
+        "a hand without a name starts the robot for people who walk",
+        "The arms of people who walk by swing: that is no greeting.",
+        GATE,
+        "float(np.linalg.norm(trunks[0].mean(axis=0))) < WALKS_M_S",
+        "True",
+        UNNAMED,
+    ),
+    Fault(
+        "a hand without a name starts the robot where facing is not judged",
+        "Without a camera that is measured it is unknown for whom a hand is raised.",
+        GATE,
+        "if sight.frame_id != ROBOT_FRAME or crowd is None or not np.isfinite(crowd.facing).all():",
+        "if crowd is None:",
+        UNNAMED,
     ),
     Fault(
         "motions that came lately are fresh",

@@ -517,8 +517,8 @@ FAULTS = (
         "an offered hand says nothing",
         "The evidence for a start begins when the interaction has its name.",
         f"{HERE}/input_handlers.py",
-        "is_some = bool(given.interaction) or given.state == OFFERED",
-        "is_some = bool(given.interaction)",
+        "probability = 1.0 if given.state == OFFERED else given.probability if given.interaction else 0.0",
+        "probability = given.probability if given.interaction else 0.0",
         ("test/core/retargeting/test_people.py",),
     ),
     Fault(

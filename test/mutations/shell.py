@@ -14,6 +14,7 @@ DATA = ("test/command_line/test_data.py",)
 SALVAGE = ("test/replay/test_broken_bags.py",)
 INPUTS, STILL = ("test/replay/test_inputs.py",), ("test/replay/test_stillness.py",)
 AGES = ("test/replay/test_bags_of_another_age.py",)
+DOCTOR, WAITS = ("test/command_line/test_doctor.py",), ("test/replay/test_waits.py",)
 
 FAULTS = (
     Fault(
@@ -431,5 +432,101 @@ FAULTS = (
         "        if found:\n            wrong[found] += 1",
         "        if not found:\n            wrong[found] += 1",
         ("test/command_line/test_replay.py",),
+    ),
+    Fault(
+        "everybody is sent to salvage",
+        "A bag in which there is nothing to save is refused with the advice to save it.",
+        "mild_ros/bags.py",
+        "raise (refusal(refused, path) if refused.remedy == SALVAGE else refused) from None",
+        "raise refused from None",
+        SALVAGE,
+    ),
+    Fault(
+        "what lies in place of a bag is garbage",
+        "An archive or a pointer of Git LFS is not distinguished from a broken bag.",
+        "mild_ros/bag_kinds.py",
+        "if head.lstrip().startswith(magic):",
+        "if head == magic:",
+        SALVAGE,
+    ),
+    Fault(
+        "another file's ending",
+        "A good file with the ending of another kind is called broken.",
+        "mild_ros/bag_kinds.py",
+        "        if head.startswith(magic):\n",
+        "        if head == magic:\n",
+        SALVAGE,
+    ),
+    Fault(
+        "large files are copied for a glance",
+        "To say whether a message could be saved, a database of any size is copied.",
+        "mild_ros/salvage.py",
+        "file.stat().st_size > GLANCE_BYTES and",
+        "file.stat().st_size < 0 and",
+        SALVAGE,
+    ),
+    Fault(
+        "a closed terminal kills a run",
+        "SIGHUP ends a demo or a replay outright, with its bag unfinished.",
+        "mild_ros/processes.py",
+        "numbers = (signal.SIGTERM,) if ignored else (signal.SIGTERM, signal.SIGHUP)",
+        "numbers = (signal.SIGTERM,)",
+        WAITS,
+    ),
+    Fault(
+        "nohup is overruled for a run",
+        "A run that was started to outlive its terminal ends with it.",
+        "mild_ros/processes.py",
+        "numbers = (signal.SIGTERM,) if ignored else (signal.SIGTERM, signal.SIGHUP)",
+        "numbers = (signal.SIGTERM, signal.SIGHUP)",
+        WAITS,
+    ),
+    Fault(
+        "a run waits as long as its nodes start",
+        "Nodes that do not hear each other are waited for as long as those that load.",
+        "mild_ros/demo.py",
+        "patience_s = DISCOVERY_S if patience_s is None else patience_s",
+        "patience_s = 5.0 if patience_s is None else patience_s",
+        WAITS,
+    ),
+    Fault(
+        "loopback is taken to be up",
+        "Where loopback is down the doctor advises what cannot help.",
+        "mild_ros/doctor.py",
+        "    if not flags & _IS_UP:\n",
+        "    if flags < 0:\n",
+        DOCTOR,
+    ),
+    Fault(
+        "one cause, four findings",
+        "What keeps all nodes from starting is reported as a fault of discovery.",
+        "mild_ros/doctor.py",
+        "for finding in (domain(), log_folder())",
+        "for finding in (log_folder(),)",
+        DOCTOR,
+    ),
+    Fault(
+        "any name is a peer",
+        "A static peer without an address, with which no node starts, is well.",
+        "mild_ros/dds_variables.py",
+        '"nodes of these machines are looked for too", _no_peer)',
+        '"nodes of these machines are looked for too")',
+        DOCTOR,
+    ),
+    Fault(
+        "settings of a transport are no transport",
+        "A value that Fast DDS takes is called unknown.",
+        "mild_ros/dds_variables.py",
+        'if value.partition("?")[0] in TRANSPORTS:',
+        "if value in TRANSPORTS:",
+        DOCTOR,
+    ),
+    Fault(
+        "a server that runs is missing",
+        "A discovery server is looked for where there is none, and not missed where there is none.",
+        "mild_ros/dds_variables.py",
+        "int(port) not in bound",
+        "int(port) in bound",
+        DOCTOR,
     ),
 )

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import gzip
 import re
 import shutil
 import sqlite3
@@ -13,6 +14,7 @@ import pytest
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
 from mild_core.errors import BagError, DataError
+from mild_ros import salvage as salvaging
 from mild_ros.bag_writer import create_bag
 from mild_ros.bags import open_bag
 from mild_ros.faults.broken_bags import TEXTS, broken_bag
@@ -39,10 +41,60 @@ def test_a_folder_without_metadata_is_refused_and_salvaged(tmp_path):
     assert positions(path, salvage=True) == EXPECTED
 
 
-def test_an_empty_folder_is_no_bag(tmp_path):
-    (tmp_path / "empty").mkdir()
-    assert refused(tmp_path / "empty", "has no metadata.yaml")
-    assert refused(tmp_path / "empty", "no readable message", salvage=True)
+def made(text: bytes, name: str, folder: Path) -> Path:
+    (folder / name).write_bytes(text)
+    return folder / name
+
+
+NO_BAGS = [
+    (b"", "take.mcap", "is empty: it has 0 bytes; record it again"),
+    (b"", "take.db3", "is empty: it has 0 bytes; record it again"),
+    (b"", "take.bag", "is empty: it has 0 bytes; record it again"),
+    (b"", "take.mcap.zstd", "is empty: it has 0 bytes; record it again"),
+    (b"x" * 999, "take.mcap", "is not an mcap file, by how it begins, and no message in it can be read; record it"),
+    (b"x" * 999, "take.db3", "is not a database of sqlite3, by how it begins, and no message"),
+    (b"x" * 999, "take.bag", "is not a bag of ROS 1, by how it begins, and no message"),
+    (b"x" * 999, "take.txt", "is no bag; give the folder that"),
+    (bytes(5000), "take.mcap", "begins with zeros, as after a power cut, and no message in it can be read; record it"),
+    (
+        b"version https://git-lfs.github.com/spec/v1\n",
+        "take.mcap",
+        "Git LFS, not the file itself; get that with `git",
+    ),
+    (gzip.compress(b"a bag"), "take.bag", "is packed with gzip; unpack it"),
+    (b"\n<!DOCTYPE html>", "take.db3", "is a web page or XML, not a bag; download the file itself"),
+    (b"SQLite format 3\0", "take.mcap", "is a database of sqlite3, by how it begins; let its name end in .db3"),
+    (b"\x89MCAP0\r\n" + b"\xff" * 90, "take.mcap", "holds no readable message, also none to salvage; record it again"),
+]
+
+
+@pytest.mark.parametrize(("text", "name", "words"), NO_BAGS, ids=[f"{name} {words[:20]}" for _, name, words in NO_BAGS])
+def test_salvage_is_not_suggested_where_nothing_can_be_salvaged(tmp_path, text, name, words):
+    file = made(text, name, tmp_path)
+    for salvage in (False, True):
+        assert "--salvage" not in refused(file, words, salvage=salvage)
+
+
+def test_a_folder_without_messages_is_refused_for_what_it_holds(tmp_path):
+    bag = tmp_path / "bag"
+    bag.mkdir()
+    for words in ("holds no .mcap, .db3 or .bag file; give the folder", "holds old.bag, of ROS 1; give that file"):
+        for salvage in (False, True):
+            assert "--salvage" not in refused(bag, words, salvage=salvage)
+        made(b"#ROSBAG V2.0\n", "old.bag", bag)
+    (bag / "old.bag").rename(bag / "metadata.yaml")
+    assert refused(bag, "holds metadata.yaml, and no .mcap or .db3 file; copy that beside it too")
+    made(b"", "bag.mcap", bag)
+    assert refused(bag, "bag.mcap: is empty")
+
+
+def test_what_can_be_salvaged_is_not_called_lost(tmp_path, monkeypatch):
+    bag = broken_bag("sqlite3 cut off", tmp_path)
+    assert "--salvage" in refused(bag)
+    monkeypatch.setattr(salvaging, "sqlite_messages", lambda *given: iter(()))
+    assert "--salvage" not in refused(bag)
+    monkeypatch.setattr(salvaging, "GLANCE_BYTES", 100)
+    assert "--salvage" in refused(bag), "a large file is not copied for a glance"
 
 
 @pytest.mark.parametrize("text", ["", "{", "rosbag2_bagfile_information: 3", "\x00\x01", "a: [1, 2", "- x"])

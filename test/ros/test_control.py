@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +25,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from mild_core.signals import JointMeasurement, MotionWindow
 from mild_ros.commanding import DISCOVERY_S
+from mild_ros.control import in_real_time
 from mild_ros.faults.judge import Command, problems
 from mild_ros.messages.joint_state import joint_measurement_to_msg
 from mild_ros.messages.motion import motion_state_to_msg, motion_to_msg
@@ -187,9 +190,14 @@ def test_a_hold_among_thousands_of_calls_acts_at_once_and_every_call_is_answered
 
 
 def test_hold_says_so_when_no_command_is_sent(start: Callable[..., NodeProcess], mover: Mover) -> None:
-    start("retargeting")
+    running = start("retargeting")
     mover.connect()
     mover.probe.until(lambda: "waiting for joint_states" in mover.status()[1], "waiting")
+    threads = [int(entry.name) for entry in Path(f"/proc/{running.process.pid}/task").iterdir()]
+    real = [os.sched_getscheduler(one) & ~os.SCHED_RESET_ON_FORK for one in threads].count(os.SCHED_FIFO)
+    with ThreadPoolExecutor(1) as pool:
+        allowed = pool.submit(in_real_time).result()
+    assert (real, mover.status()[2]["control priority"]) == ((1, "real time") if allowed else (0, "normal"))
     answer = mover.probe.call(SetBool, "/retargeting/hold", SetBool.Request(data=True))
     assert answer.message == "held; waiting: the robot has not said where it is, and no command is sent"
 

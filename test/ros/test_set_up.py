@@ -134,6 +134,11 @@ def test_what_does_not_fit_the_model_is_one_line(
         ("ROS_DOMAIN_ID", "233", "ROS_DOMAIN_ID: is '233'; set it to a number from 0 to 232"),
         ("ROS_DOMAIN_ID", "mine", "ROS_DOMAIN_ID: is 'mine'; set it to a number from 0 to 232"),
         ("HOME", "/proc/nowhere", "ROS log: failed to initialize logging: "),
+        (
+            "ROS_STATIC_PEERS",
+            "10.0.0.300",
+            "ROS 2: error creating node: Unable to resolve peer 10.0.0.300; ./mild ",
+        ),
     ],
 )
 def test_a_wrong_environment_is_one_line(

@@ -12,11 +12,13 @@ import numpy as np
 import pytest
 
 from mild_core.errors import SetupError
+from mild_core.inference.manifest import ControlledAgent
 from mild_core.retargeting.kinematics import forward_kinematics
 from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.robots.pepper import PEPPER
 from mild_core.retargeting.robots.yumi import YUMI
 from mild_core.retargeting.urdf import read_solids
-from mild_ros.assembly.robot import make_robot
+from mild_ros.assembly.robot import check_fit, make_robot
 from mild_ros.simulation.bullet import BulletRobot
 
 PACKAGE = "package://yumi_description/meshes"
@@ -114,3 +116,10 @@ def test_a_mesh_outside_its_package_is_none(theirs: Path) -> None:
     text = theirs.read_text()
     theirs.write_text(text.replace(f"{PACKAGE}/{HERE}.stl", "package://yumi_description/../outside.stl"))
     assert parts(make_robot("yumi", str(theirs)), HERE, "visual") == parts(YUMI, HERE, "visual")
+
+
+def test_a_model_of_another_robot_is_refused_with_the_robot_that_fits() -> None:
+    theirs = ControlledAgent("robot_joints", "pepper", PEPPER.joint_names, "rad")
+    with pytest.raises(SetupError, match=r"; set robot to pepper, or choose a model of yumi$"):
+        check_fit("of_pepper", theirs, YUMI)
+    check_fit("of_pepper", theirs, PEPPER)

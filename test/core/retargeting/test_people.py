@@ -16,10 +16,19 @@ from mild_core.retargeting.human_track import HumanPlacement
 from mild_core.retargeting.modes import Mode
 from mild_core.retargeting.obstacles import KEPT_S, NO_ONE, Crowd, obstacles_of
 from mild_core.retargeting.robots.yumi import YUMI
-from mild_core.retargeting.stage import ASSUMED, UNKNOWN_BODY, UNMEASURED, Request, Retargeting, RetargetingSettings
+from mild_core.retargeting.stage import (
+    ASSUMED,
+    GENTLE,
+    UNKNOWN_BODY,
+    UNMEASURED,
+    Request,
+    Retargeting,
+    RetargetingSettings,
+)
 from mild_core.shapes import FloatArray
 from mild_core.signals import (
     ARM_FRAME,
+    NONE,
     OFFERED,
     RESTING,
     ROBOT_FRAME,
@@ -54,12 +63,15 @@ class Around(Run):
         self.retargeting = Retargeting(YUMI, self.retargeting.settings, STANDING)
         self.facing = TO_ROBOT
         self.frame_id = ROBOT_FRAME
+        self.walks_m_s = np.zeros(3)
         self.parts: Iterable[str] = tuple(people.RADII_M)
 
     def seen(self, hand_m: FloatArray, others: BodySegments | None = None) -> PersonPose:
         """The watched person with the hand there, and others, as the tracker shows them now."""
         head, trunk = SHOULDERS_M + 0.25 * UP, np.array([SHOULDERS_M, SHOULDERS_M - 0.55 * UP])
         one = people.pose(self.now_ns, hand_m, head, trunk, ROBOT_FRAME, facing=self.facing, parts=self.parts)
+        walking = np.broadcast_to(self.walks_m_s, one.segments.velocities_m_s.shape)
+        one = replace(one, segments=replace(one.segments, velocities_m_s=walking))
         if others is not None:
             own = one.segments
             both = [np.concatenate([getattr(each, name) for each in (own, others)]) for name in ARRAYS]
@@ -389,14 +401,54 @@ def test_a_first_motion_needs_evidence_for_a_while() -> None:
     assert 5 <= late <= 30
 
 
-def test_an_offered_hand_counts_towards_the_start_and_is_not_followed() -> None:
-    run = Around()
+def _offered(run: Around, seconds: float = 1.0) -> Around:
+    """A hand is raised that is offered and gets no name."""
     run.live(0.6, interaction="", state=RESTING)
-    run.live(0.5, MET_M, AWAY, interaction="", state=OFFERED)
-    assert run.last.mode == "ready"
-    since = len(run.commands)
-    run.live(0.3, MET_M, AWAY)
-    assert next(place for place, command in enumerate(run.commands[since:]) if command.mode == "following") <= 3
+    run.live(seconds, GREETING, AWAY, interaction="", state=OFFERED)
+    return run
+
+
+def test_a_hand_that_is_offered_is_answered_gently_before_it_has_a_name() -> None:
+    """To name it takes the better part of a second."""
+    slow = RetargetingSettings(ramp_velocity_rad_s=0.3)
+    run, eager = Around(slow), Around(slow)
+    run.live(0.6, interaction="", state=RESTING)
+    unnamed = _started(run, GREETING, interaction="", state=OFFERED)
+    assert unnamed <= _started(eager, GREETING) < 0.8
+
+    def fastest_rad_s(after: Around) -> float:
+        following = [command for command in after.commands if command.mode == "following"][:150]
+        return max(float(np.abs(command.velocities_rad_s).max()) for command in following)
+
+    gentle_rad_s = 1.05 * GENTLE * slow.ramp_velocity_rad_s
+    assert fastest_rad_s(run) < gentle_rad_s < 0.9 * fastest_rad_s(eager)
+    run.live(0.5, MET_M, AWAY, interaction="", state=NONE)
+    assert run.last.mode == "holding", "in the end it was none"
+
+
+@pytest.mark.parametrize("why", ["not measured", "facing unknown", "walks", "no evidence"])
+def test_a_hand_without_a_name_starts_nothing_of_people_who_are_not_seen_to_stand_facing_the_robot(why: str) -> None:
+    run = Around()
+    if why == "not measured":
+        run.frame_id = ARM_FRAME
+    elif why == "facing unknown":
+        run.facing = NOT_SEEN
+    elif why == "walks":
+        run.walks_m_s = 0.5 * TO_ROBOT
+    if why == "no evidence":
+        run.wait(0.6, YUMI.home_rad, interaction="", state=RESTING)
+        run.wait(1.0, AWAY, interaction="", state=OFFERED)
+        assert run.last.mode == "idle"
+    else:
+        _offered(run)
+        assert run.last.mode in ("ready", "idle")
+        assert run.state.counts["start_undecided"] == 1
+    assert max(float(np.abs(command.velocities_rad_s).max()) for command in run.commands) == 0.0
+    if why in ("not measured", "facing unknown"):
+        since = len(run.commands)
+        run.live(0.3, MET_M, AWAY)
+        named = next(place for place, command in enumerate(run.commands[since:]) if command.mode == "following")
+        assert named <= 3, "what was seen before counts once it has a name"
 
 
 def test_a_hand_that_is_back_at_its_rest_sends_the_robot_home() -> None:

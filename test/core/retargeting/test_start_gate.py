@@ -56,7 +56,7 @@ def test_a_hand_has_to_be_raised_for_a_while() -> None:
     hand = SHOULDER_M["right"] + 0.45 * TO_ROBOT
     for raised_s, refusal in ((0.2, WATCHED), (0.3, "")):
         sight, crowd = person("right", hand, raised_s)
-        assert start_refusal(sight, crowd, 1.0, SETTINGS, np.array([0.05, -0.07, 0.41]), 0) == refusal
+        assert start_refusal(sight, crowd, 1.0, True, SETTINGS, np.array([0.05, -0.07, 0.41]), 0) == refusal
 
 
 @pytest.mark.parametrize(("still_s", "following_s", "near_m", "ends"), [
