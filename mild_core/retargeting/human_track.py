@@ -46,7 +46,7 @@ Point = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
-class HumanPlacement:
+class AssumedPlacement:
     """Where a person's calibrated shoulder stands in the robot's base frame, if the camera's pose is unknown.
 
     Attributes:

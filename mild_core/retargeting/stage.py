@@ -25,7 +25,7 @@ from mild_core.joint_measurements import JointMerger
 from mild_core.retargeting.arm_following import ArmFollower, arm_follower
 from mild_core.retargeting.contact import Contact, stiffness
 from mild_core.retargeting.guard import TOO_FAST, Guard, PoseEvaluation, Verdict
-from mild_core.retargeting.human_track import LOST_S, SHIFT_M_S, HumanPlacement
+from mild_core.retargeting.human_track import LOST_S, SHIFT_M_S, AssumedPlacement
 from mild_core.retargeting.input_handlers import joint_merger, take_measurement, take_motion, take_person, take_request
 from mild_core.retargeting.limiter import JointMotion, Joints, Limiter, NoPlanError
 from mild_core.retargeting.mode_inputs import person_present, situation, with_rest, with_start
@@ -95,7 +95,7 @@ class Retargeting:
 
     robot: RobotModel
     settings: RetargetingSettings = field(default_factory=RetargetingSettings)
-    standing: HumanPlacement | None = None
+    standing: AssumedPlacement | None = None
     camera_measured: bool | None = None
     _limiter: Limiter = field(init=False, repr=False)
     _slow: Limiter = field(init=False, repr=False)
