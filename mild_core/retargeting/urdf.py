@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeVar
@@ -54,6 +54,14 @@ WIDE, DECLARED = (b"\xff\xfe", b"\xfe\xff"), re.compile(rb"""\s*<\?xml[^>]*encod
 
 SHAPES = {"box": (("size", 3),), "cylinder": (("radius", 1), ("length", 1)), "sphere": (("radius", 1),)}
 """Primitive shapes, and how many numbers each of their sizes has."""
+
+NUMBERS_OF_JOINTS: Mapping[str, tuple[str, ...]] = {
+    "axis": ("xyz",),
+    "limit": ("lower", "upper", "velocity", "effort"),
+    "mimic": ("multiplier", "offset"),
+    "safety_controller": ("soft_lower_limit", "soft_upper_limit"),
+}
+"""By the part of a joint its attributes that are numbers."""
 
 Parts = TypeVar("Parts")
 
@@ -244,6 +252,9 @@ def _examine_numbers(element: ElementTree.Element) -> None:
         _finite(placed.find("origin"), "rpy", 3, 1e6)
     for part in parts:
         _examine_shape(part.find("geometry"))
+    for tag, names in NUMBERS_OF_JOINTS.items():
+        for name in names:
+            _numbers(element.find(tag), name, (0.0,) * (3 if name == "xyz" else 1))
     for inertial in element.findall("inertial"):
         _finite(inertial.find("mass"), "value", 1, HEAVIEST_KG, 0.0)
         for place in ("ixx", "iyy", "izz"):
@@ -298,7 +309,8 @@ def _finite(
 ) -> tuple[float, ...]:
     numbers = _numbers(element, name, (0.0,) * count)
     if any(abs(number) > largest or number < least for number in numbers):
-        raise ValueError(f"{element.tag if element is not None else ''} {name}='{numbers}' is out of any robot's range")
+        given = ("", "") if element is None else (element.tag, element.get(name))
+        raise ValueError(f"{given[0]} {name}='{given[1]}' is out of any robot's range")
     return numbers
 
 
@@ -383,7 +395,10 @@ def _numbers(element: ElementTree.Element | None, name: str, default: tuple[floa
     text = None if element is None else element.get(name)
     if text is None:
         return default
-    numbers = tuple(float(word) for word in text.split())
+    try:
+        numbers = tuple(float(word) for word in text.split())
+    except ValueError:
+        numbers = ()
     if len(numbers) != len(default) or not all(math.isfinite(number) for number in numbers):
         raise ValueError(f"{name}='{text[:60]}' is not {len(default)} finite number(s)")
     return numbers

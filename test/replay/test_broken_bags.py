@@ -63,7 +63,11 @@ NO_BAGS = [
     ),
     (gzip.compress(b"a bag"), "take.bag", "is packed with gzip; unpack it"),
     (b"\n<!DOCTYPE html>", "take.db3", "is a web page or XML, not a bag; download the file itself"),
-    (b"SQLite format 3\0", "take.mcap", "is a database of sqlite3, by how it begins; let its name end in .db3"),
+    (
+        b"SQLite format 3\0" + bytes(84),
+        "take.mcap",
+        "is a database of sqlite3, by how it begins; let its name end",
+    ),
     (b"\x89MCAP0\r\n" + b"\xff" * 90, "take.mcap", "holds no readable message, also none to salvage; record it again"),
 ]
 

@@ -60,16 +60,22 @@ def test_a_node_that_hangs_ends_the_run_in_one_line(
 
 
 def test_a_closed_terminal_ends_a_run_in_order_unless_it_is_not_hung_up(tmp_path: Path) -> None:
-    for number in (signal.SIGTERM, signal.SIGHUP):
-        with pytest.raises(KeyboardInterrupt), Nodes(1, tmp_path):
-            os.kill(os.getpid(), number)
-    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    heard: list[int] = []
+    numbers = (signal.SIGTERM, signal.SIGHUP)
+    before = {number: signal.signal(number, lambda number, _frame: heard.append(number)) for number in numbers}
     try:
+        for number in numbers:
+            with pytest.raises(KeyboardInterrupt), Nodes(1, tmp_path):
+                os.kill(os.getpid(), number)
+            os.kill(os.getpid(), number)
+        assert heard == list(numbers), "what was there before hears them again"
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
         with Nodes(1, tmp_path):
             os.kill(os.getpid(), signal.SIGHUP)
             assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
     finally:
-        signal.signal(signal.SIGHUP, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 @pytest.mark.heavy

@@ -53,6 +53,11 @@ def chained(count: int, start: str = "yumi_base_link") -> str:
     return YUMI.replace("</robot>", text + "</robot>")
 
 
+def with_joint(inside: str) -> str:
+    joint = '<joint name="to_more" type="revolute"><parent link="yumi_base_link"/><child link="more"/>{}</joint>'
+    return YUMI.replace("</robot>", f'<link name="more"/>{joint.format(inside)}</robot>')
+
+
 BOX = '<collision><geometry><box size="1 1 1"/></geometry></collision>'
 SPHERE = '<sphere radius="{}"/>'
 HOSTILE = {
@@ -77,6 +82,11 @@ HOSTILE = {
     "a mass of NaN": (with_inertia("nan"), "finite"),
     "a negative mass": (with_inertia("-1"), "range"),
     "an inertia of infinity": (with_inertia("1", "inf"), "finite"),
+    "a comma for a point": (with_joint('<limit upper="1,5"/>'), "joint 'to_more': upper='1,5' is not 1 finite"),
+    "an effort of nothing": (with_joint('<limit effort=""/>'), "joint 'to_more': effort='' is not 1 finite"),
+    "a soft limit of NaN": (with_joint('<safety_controller soft_upper_limit="nan"/>'), "joint 'to_more': soft_upper"),
+    "an axis of two": (with_joint('<axis xyz="0 1"/>'), "joint 'to_more': xyz='0 1' is not 3 finite"),
+    "a multiplier of text": (with_joint('<mimic joint="a" multiplier="x"/>'), "joint 'to_more': multiplier='x' is not"),
     "a far origin": (with_link('<visual><origin xyz="1e300 0 0"/></visual>'), "range"),
     "a name of a megabyte": (YUMI.replace("yumi_base_link", "x" * 1_000_000), "is called"),
     "a name with an escape": (YUMI.replace("yumi_base_link", "a\u202eb"), "is called"),
