@@ -3,10 +3,11 @@
 
 import rclpy
 from rcl_interfaces.srv import GetParameters
+from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
 
-def call(node: rclpy.node.Node, kind: type, name: str, **request: object) -> object:
+def call(node: Node, kind: type, name: str, **request: object) -> object:
     """Call a service and wait for its response."""
     client = node.create_client(kind, name)
     if not client.wait_for_service(timeout_sec=20.0):

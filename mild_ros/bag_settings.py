@@ -23,7 +23,7 @@ class RecordParameters:
         False, "Repeat on `recorded` what was written of `handled`, for a replay in lock-step."
     )
     split_mb: float = parameter(
-        0.0, "Begin a new file when one is so long; 0 for never.", unit="MB", minimum=0.0, maximum=1e6
+        0.0, "Size at which a new file starts; 0 for never.", unit="MB", minimum=0.0, maximum=1e6
     )
 
 
@@ -34,14 +34,16 @@ class ReplayParameters(TrackerParameters):
     bag: str = parameter("", "Folder or file of the bag to replay.")
     mode: str = parameter(
         "real_time",
-        "As it was recorded, or in lock-step: each message waits until the one before is handled.",
+        "`real_time` as recorded, or `lock_step`: each message waits until the one before is handled.",
         choices=("real_time", "lock_step"),
     )
     rate: float = parameter(1.0, "Speed in real time; 2 is twice as fast.", minimum=0.05, maximum=20.0)
-    start_s: float = parameter(0.0, "How much of the beginning to skip.", unit="s", minimum=0.0, maximum=1e10)
-    loop: bool = parameter(False, "Begin again after the end, until stopped.")
-    paused: bool = parameter(False, "Wait, before the first message, until `~/pause` is called with false.")
-    restamp: bool = parameter(True, "In real time: give messages the time of their sending, as a live tracker would.")
+    start_s: float = parameter(0.0, "Time to skip at the start.", unit="s", minimum=0.0, maximum=1e10)
+    loop: bool = parameter(False, "Start again at the end, until stopped.")
+    paused: bool = parameter(False, "Wait before the first message until `~/pause` is called with false.")
+    restamp: bool = parameter(
+        True, "In real time: stamp messages with the time of publishing, as a live tracker would."
+    )
     clock: bool = parameter(
         False,
         "In real time: publish the bag's time on `/clock`, for nodes with `use_sim_time`, and leave stamps alone.",
@@ -50,7 +52,8 @@ class ReplayParameters(TrackerParameters):
         "", "Topic of the skeletons in the bag, for a source with a single one; empty finds it by its type."
     )
     also: tuple[str, ...] = parameter(
-        (), "Further topics of the bag to send under their own names; [all] for every one. Commands are never sent."
+        (),
+        "Further topics of the bag to publish under their own names; [all] for all. Commands are never published.",
     )
     joint_states: str = parameter(
         "auto",
@@ -58,16 +61,19 @@ class ReplayParameters(TrackerParameters):
         "the bag's in lock-step (home if it has none) and none in real time, where a robot is there.",
         choices=("auto", "bag", "home", "none"),
     )
-    robot: str = parameter("yumi", "Robot whose home that is.")
+    robot: str = parameter("yumi", "Robot whose home is used.")
     reporters: int = parameter(
-        1, "In lock-step: how many nodes report on `handled`; 1 for pipeline, 3 for the stages.", minimum=1, maximum=3
+        1,
+        "In lock-step: number of nodes that report on `handled`; 1 for pipeline, 3 for the stages.",
+        minimum=1,
+        maximum=3,
     )
     recorders: int = parameter(
-        0, "In lock-step: how many recorders say on `recorded` what they have written.", minimum=0, maximum=100
+        0, "In lock-step: number of recorders that report on `recorded`.", minimum=0, maximum=100
     )
-    subscribers: int = parameter(1, "Wait for so many subscribers of the skeletons.", minimum=0, maximum=100)
+    subscribers: int = parameter(1, "Number of subscribers of the skeletons to wait for.", minimum=0, maximum=100)
     patience_s: float = parameter(
-        20.0, "How long to wait for subscribers, or for a stage to answer.", unit="s", minimum=0.1, maximum=3600.0
+        20.0, "Longest wait for subscribers, or for the outcome of an input.", unit="s", minimum=0.1, maximum=3600.0
     )
     control_rate_hz: float = parameter(100.0, "Ticks of `/clock` per second.", unit="Hz", minimum=10.0, maximum=500.0)
     salvage: bool = parameter(False, "Read what is readable of a broken bag.")

@@ -9,7 +9,7 @@ from mild_ros.parameters import parameter
 
 ROBOT_JOINT_NAMES: tuple[str, ...] = parameter(
     (),
-    "The robot's own names of its joints, on commands and on `joint_states`, in our order; empty if they are ours.",
+    "Joint names of the robot's driver, on commands and on `joint_states`, in our order; empty if equal to ours.",
 )
 
 
@@ -29,7 +29,7 @@ class ControllerParameters:
     max_expected_latency_s: float = parameter(
         0.1,
         "Longest time from a command to the controller's taking a `joint_trajectory`; commands are made 0.06 s more "
-        "than this ahead of their execution, so that late and lost messages do no harm.",
+        "than this ahead of their execution, so that late and dropped messages do no harm.",
         unit="s",
         minimum=0.0,
         maximum=0.5,
@@ -37,8 +37,8 @@ class ControllerParameters:
     trajectory_s: float = parameter(
         0.16,
         "How far ahead `joint_trajectory` follows the motion before its smooth stop; at least "
-        "`max_expected_latency_s` and 0.06 s. The longer, the more lost messages do no harm, and the later the robot "
-        "reacts.",
+        "`max_expected_latency_s` and 0.06 s. A longer time tolerates more dropped "
+        "messages and delays the reaction.",
         unit="s",
         minimum=0.02,
         maximum=1.0,

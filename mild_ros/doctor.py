@@ -304,8 +304,8 @@ def running_nodes() -> Finding:
 
 
 def _heard(*questions: tuple[object, ...], environment: Mapping[str, str] | None = None) -> list[Any]:
-    """The answers of `mild_ros.hearing`, asked all at once; of one that failed, the last line that it said."""
-    command = [*PYTHON, "-m", "mild_ros.hearing"]
+    """The answers of `mild_ros.discovery_probe`, asked all at once; of one that failed, the last line that it said."""
+    command = [*PYTHON, "-m", "mild_ros.discovery_probe"]
     asked = [
         subprocess.Popen(
             [*command, *map(str, words)], env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True

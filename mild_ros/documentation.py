@@ -131,7 +131,7 @@ TOPICS = (
         *("recorded", "std_msgs/Header", "record", "replay"),
         "each message of `handled` that was written down, for a replay in lock-step; only with `report_recorded`",
     ),
-    Topic("/mild_doctor", "std_msgs/String", "doctor", "doctor", "names, for as long as `mild doctor` looks"),
+    Topic("/mild_doctor", "std_msgs/String", "doctor", "doctor", "node names, while `mild doctor` runs"),
     Topic("/clock", "rosgraph_msgs/Clock", "replay", "every stage", "the time in the bag, for `use_sim_time`"),
     Topic(
         "/diagnostics", "diagnostic_msgs/DiagnosticArray", "every stage", "operators", "rates, ages, drops by reason"

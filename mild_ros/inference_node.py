@@ -16,7 +16,7 @@ from mild_ros.joint_naming import joint_naming
 from mild_ros.messages.feature_window import feature_window_from_msg
 from mild_ros.messages.joint_state import joint_measurement_from_msg
 from mild_ros.messages.stamps import ns_from_msg
-from mild_ros.motion_topics import MotionTopics
+from mild_ros.motion_publishers import MotionPublishers
 from mild_ros.operator_services import OperatorServices
 from mild_ros.outcomes import OutcomePublisher
 from mild_ros.parameters import declare
@@ -41,7 +41,7 @@ class InferenceNode(StageNode):
         self._diagnostics.facts["model"] = parameters.model
         self._outcomes = OutcomePublisher(self, parameters.report_handled)
         self._reception = Reception(self, self._diagnostics)
-        self._topics = MotionTopics(self, model.manifest, self._diagnostics)
+        self._topics = MotionPublishers(self, model.manifest, self._diagnostics)
         self._time = NodeClock(self, self._diagnostics)
         self._operator = OperatorServices(self, self._diagnostics, self._reset)
         self._reception.subscribe(PointCloud2, "feature_window", self._on_window, BETWEEN_STAGES)

@@ -14,7 +14,7 @@ from sensor_msgs.msg import JointState, PointCloud2
 from visualization_msgs.msg import MarkerArray
 
 from mild_core.errors import DataError
-from mild_core.retargeting.person import Standing
+from mild_core.retargeting.human_track import AssumedPlacement
 from mild_core.signals import PersonPose
 from mild_ros.assembly.inference import load, make_inference
 from mild_ros.assembly.robot import check_fit, make_robot
@@ -47,7 +47,7 @@ class MarkersNode(GuardedNode):
         self._stage = make_inference(InferenceParameters(model=given.model, interaction=given.interaction), model)
         self._state = self._stage.init()
         there = manifest.robot_from_human
-        self._standing = Standing(there.translation_m, there.yaw_rad, there.by_interaction)
+        self._standing = AssumedPlacement(there.translation_m, there.yaw_rad, there.by_interaction)
         self._drawing = Drawing(self._robot)
         self._published_s = self._bodies_published_s = 0.0
         self._interaction = ""

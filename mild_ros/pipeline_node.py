@@ -18,7 +18,7 @@ from mild_ros.calibration_file import CalibrationFile
 from mild_ros.control import Control, Given
 from mild_ros.diagnostics import Diagnostics
 from mild_ros.messages.stamps import ns_from_msg
-from mild_ros.motion_topics import InsideTopics, MotionTopics
+from mild_ros.motion_publishers import IntermediatePublishers, MotionPublishers
 from mild_ros.outcomes import OutcomePublisher
 from mild_ros.parameters import declare
 from mild_ros.quality_of_service import SENSOR
@@ -48,8 +48,8 @@ class PipelineNode(StageNode):
         stage, ages = self._pipeline.retargeting, ("age of an answer", "age of a tick")
         self._control = Control(self, stage, parameters, self._diagnostics, self._outcomes, self._reset, *ages)
         self._time = self._control.clock
-        topics = MotionTopics(self, model.manifest, self._diagnostics)
-        self._inside = InsideTopics(self, topics, parameters.publish_intermediate)
+        topics = MotionPublishers(self, model.manifest, self._diagnostics)
+        self._inside = IntermediatePublishers(self, topics, parameters.publish_intermediate)
         tracker.listen(self, self._reception, self._time, self._diagnostics, self._outcomes, self._on_sight)
         self._reception.subscribe(
             JointState, "joint_states", self._on_joint_states, SENSOR, kept=JOINTS_KEPT, per_s=JOINTS_PER_S

@@ -14,7 +14,6 @@ from std_srvs.srv import SetBool
 from mild_core.errors import SetupError
 from mild_core.printable import printable_lines
 from mild_core.retargeting.robot_file import find_robot
-from mild_ros.audience import LOOK_PERIOD_S, Audience
 from mild_ros.bag_settings import ReplayParameters
 from mild_ros.bags import open_bag
 from mild_ros.clock import steady_clock
@@ -27,6 +26,7 @@ from mild_ros.replay_events import with_ticks
 from mild_ros.replay_topics import ReplayTopics
 from mild_ros.running import giving_up, run
 from mild_ros.sending import LockStep, RealTime
+from mild_ros.wait_for_subscribers import LOOK_PERIOD_S, SubscriberWait
 
 
 class ReplayNode(GuardedNode):
@@ -63,7 +63,7 @@ class ReplayNode(GuardedNode):
         recorded = self.create_subscription(Header, "recorded", self._on_recorded, HANDLED)
         if self._in_lock_step:
             wanted += [(handled.get_publisher_count, given.reporters), (recorded.get_publisher_count, given.recorders)]
-        self._audience = Audience(self.resolve_topic_name("skeleton"), wanted, given.patience_s)
+        self._audience = SubscriberWait(self.resolve_topic_name("skeleton"), wanted, given.patience_s)
         self._paused, self._started, self._held = given.paused, False, False
         self.create_service(SetBool, "~/pause", self._on_pause)
         self._acting = self.create_timer(LOOK_PERIOD_S, self._start_when_heard, clock=steady_clock())

@@ -25,24 +25,28 @@ class PerceptionParameters(TrackerParameters):
 
     model: str = _MODEL
     source_axes: str = parameter(
-        "unknown", "For a source that may point anywhere: where its axes do.", choices=("optical", "rep103", "unknown")
+        "unknown", "Axes of a source that has no fixed ones.", choices=("optical", "rep103", "unknown")
     )
     frame_id: str = parameter(
-        "", "The only tf frame to accept, and that tf frames are seen in; empty accepts the first that comes."
+        "", "The only tf frame to accept, and the reference of tf sources; empty accepts the first that comes."
     )
     robot_from_camera: str = parameter(
         "",
         "Pose of the tracker's frame in the frame of the robot's base link, as `x y z roll pitch yaw` [m, rad]; when "
-        "empty, people are taken to stand where they stood before the robot in the model's recordings.",
+        "empty, people are assumed to stand where they stood in the model's recordings.",
     )
-    side: str = parameter(PerceptionSettings.side, "The person's arm to watch.", choices=("right", "left"))
+    side: str = parameter(PerceptionSettings.side, "The person's arm to track.", choices=("right", "left"))
     axes: str = parameter(
         PerceptionSettings.axes,
         "Take the person's axes from the torso at calibration, or as given: x forward, y left, z up.",
         choices=("torso", "given"),
     )
     calibration_s: float = parameter(
-        PerceptionSettings.calibration_s, "How long to stand still at first.", unit="s", minimum=0.1, maximum=10.0
+        PerceptionSettings.calibration_s,
+        "Time of standing still for the calibration.",
+        unit="s",
+        minimum=0.1,
+        maximum=10.0,
     )
     calibration_file: str = parameter(
         "", "File that keeps the calibration for the next start; `~/reset` makes a new one. Empty keeps none."
@@ -51,11 +55,11 @@ class PerceptionParameters(TrackerParameters):
         PerceptionSettings.max_gap_s, "Longest gap bridged by interpolation.", unit="s", minimum=0.01, maximum=2.0
     )
     min_confidence: float = parameter(
-        PerceptionSettings.min_confidence, "Least confidence of a joint that is used.", minimum=0.0, maximum=1.0
+        PerceptionSettings.min_confidence, "Joints with a lower confidence are not used.", minimum=0.0, maximum=1.0
     )
     reacquire_distance_m: float = parameter(
         PerceptionSettings.reacquire_distance_m,
-        "How near to where the person was last seen a body is taken for the same person.",
+        "Largest distance from the last position at which a detection is the same person.",
         unit="m",
         minimum=0.05,
         maximum=5.0,
@@ -65,7 +69,7 @@ class PerceptionParameters(TrackerParameters):
     )
     frozen_after_s: float = parameter(
         PerceptionSettings.frozen_after_s,
-        "A body that is equal to the bit for longer is not measured any more: it is not followed.",
+        "A body that repeats bit for bit for longer is no measurement and is not tracked.",
         unit="s",
         minimum=0.1,
         maximum=10.0,
@@ -100,33 +104,33 @@ class RetargetingParameters(ControllerParameters):
     model: str = _MODEL
     robot: str = parameter("yumi", "Robot to command: `yumi`, `pepper`, or the path of a robot file (.toml).")
     robot_description: str = _ROBOT_DESCRIPTION
-    enabled: bool = parameter(RetargetingSettings.start_enabled, "Follow from the start, before `~/enable` is called.")
+    enabled: bool = parameter(RetargetingSettings.start_enabled, "Follow from the start, without a call of `~/enable`.")
     control_rate_hz: float = parameter(
-        100.0, "Commands per second; a new motion causes one more at once.", unit="Hz", minimum=10.0, maximum=500.0
+        100.0, "Commands per second; a new motion triggers one more at once.", unit="Hz", minimum=10.0, maximum=500.0
     )
     look_ahead_s: float = parameter(
         RetargetingSettings.look_ahead_s,
-        "How far ahead a motion is read, to make up for the lag of the limits.",
+        "Look-ahead into the motion that compensates the lag of the limits.",
         unit="s",
         minimum=0.0,
         maximum=1.0,
     )
     stale_after_s: float = parameter(
         RetargetingSettings.stale_after_s,
-        "Hold when the newest motion came longer ago.",
+        "Hold when no motion arrived for longer.",
         unit="s",
         minimum=0.05,
         maximum=10.0,
     )
     max_age_s: float = parameter(
         RetargetingSettings.max_age_s,
-        "Hold when the newest motion's stamp is older.",
+        "Hold when the stamp of the newest motion is older.",
         unit="s",
         minimum=0.05,
         maximum=10.0,
     )
     home_after_s: float = parameter(
-        RetargetingSettings.home_after_s, "Go home after holding for so long.", unit="s", minimum=0.0, maximum=3600.0
+        RetargetingSettings.home_after_s, "Go home after holding for this long.", unit="s", minimum=0.0, maximum=3600.0
     )
     home_velocity_rad_s: float = parameter(
         RetargetingSettings.home_velocity_rad_s,
@@ -137,7 +141,7 @@ class RetargetingParameters(ControllerParameters):
     )
     ramp_velocity_rad_s: float = parameter(
         RetargetingSettings.ramp_velocity_rad_s,
-        "Largest speed that getting from the robot's pose onto a motion may add.",
+        "Largest speed that the ramp-in from the robot's pose onto a motion adds.",
         unit="rad/s",
         minimum=0.01,
         maximum=10.0,
@@ -150,79 +154,83 @@ class RetargetingParameters(ControllerParameters):
     )
     keep_out_m: float = parameter(
         RetargetingSettings.keep_out_m,
-        "Distance kept from everyone in view, but for the hand and forearm that are offered to be touched.",
+        "Distance kept from everyone in view, except the hand and forearm that are offered.",
         unit="m",
         minimum=0.0,
         maximum=1.0,
     )
     near_speed_m_s: float = parameter(
         RetargetingSettings.near_speed_m_s,
-        "Largest speed of any part of the arm while it is within 0.3 m of anyone; towards them less their approach.",
+        "Largest speed of any part of the arm within 0.3 m of a person; towards a person, minus their approach.",
         unit="m/s",
         minimum=0.05,
         maximum=2.0,
     )
     allow_unmeasured_contact: bool = parameter(
         RetargetingSettings.allow_unmeasured_contact,
-        "Let hands touch also where people are only assumed to stand, as `robot_from_camera` is empty.",
+        "Let hands touch although the place of people is only assumed (`robot_from_camera` is empty).",
     )
     placement_uncertainty_m: float = parameter(
         RetargetingSettings.placement_uncertainty_m,
-        "How far people may be from where they are assumed to stand: added to the distances without a measured camera.",
+        "Uncertainty of the assumed place of people, added to distances without a measured camera.",
         unit="m",
         minimum=0.0,
         maximum=1.0,
     )
     start_facing_deg: float = parameter(
         RetargetingSettings.start_facing_deg,
-        "The first motion needs a person who faces the robot within this angle, if their place is measured.",
+        "A motion starts only for a person who faces the robot within this angle, if their place is measured.",
         unit="deg",
         minimum=5.0,
         maximum=180.0,
     )
     start_hand_m: float = parameter(
         RetargetingSettings.start_hand_m,
-        "It needs a hand within this distance of the robot's shoulder, if its place is measured.",
+        "A motion starts only for a hand within this distance of the robot's shoulder, if its place is measured.",
         unit="m",
         minimum=0.1,
         maximum=10.0,
     )
     start_trunk_m: float = parameter(
         RetargetingSettings.start_trunk_m,
-        "It needs a trunk within this distance of the robot's shoulder, if its place is measured.",
+        "A motion starts only for a trunk within this distance of the robot's shoulder, if its place is measured.",
         unit="m",
         minimum=0.1,
         maximum=10.0,
     )
     start_watch_s: float = parameter(
         RetargetingSettings.start_watch_s,
-        "It needs a hand raised for so long that went neither to the person's own head nor aside.",
+        "A motion starts only for a hand raised for this long, neither to the person's own head nor aside.",
         unit="s",
         minimum=0.0,
         maximum=2.0,
     )
     start_reach_m: float = parameter(
         RetargetingSettings.start_reach_m,
-        "A hand that did either must be held out this far before it counts again.",
+        "A hand that went there must be held out this far before it counts again.",
         unit="m",
         minimum=0.05,
         maximum=1.0,
     )
     start_evidence: float = parameter(
         RetargetingSettings.start_evidence,
-        "It needs this probability of a recognised interaction, as a mean over `start_evidence_s`.",
+        "A motion starts only at this mean probability of a recognised interaction over `start_evidence_s`.",
         minimum=0.0,
         maximum=1.0,
     )
     start_evidence_s: float = parameter(
         RetargetingSettings.start_evidence_s,
-        "Time over which that probability is averaged.",
+        "Averaging time of `start_evidence`.",
         unit="s",
         minimum=0.0,
         maximum=2.0,
     )
     interaction_s: float = parameter(
-        RetargetingSettings.interaction_s, "Longest interaction; then home.", unit="s", minimum=1.0, maximum=3600.0
+        RetargetingSettings.interaction_s,
+        "Longest interaction; then the robot goes home.",
+        unit="s",
+        minimum=1.0,
+        maximum=3600.0,
     )
     report_handled: bool = _REPORT_HANDLED
 
@@ -231,7 +239,7 @@ class RetargetingParameters(ControllerParameters):
 class PipelineParameters(RetargetingParameters, InferenceParameters, PerceptionParameters):
     """Of the pipeline node: those of the three stages, and what it shows of its inside."""
 
-    publish_intermediate: bool = parameter(True, "Publish what passes between the stages: window and motion.")
+    publish_intermediate: bool = parameter(True, "Publish the values between the stages: window and motion.")
 
 
 @dataclass(frozen=True)
@@ -243,7 +251,7 @@ class SimulationParameters:
     gui: bool = parameter(False, "Open a window with the robot.")
     rate_hz: float = parameter(100.0, "Messages on `joint_states` per second.", unit="Hz", minimum=10.0, maximum=240.0)
     camera_rate_hz: float = parameter(
-        0.0, "Pictures on `camera/image_raw` per second; each stops the robot's time for about 20 ms.", unit="Hz",
+        0.0, "Pictures on `camera/image_raw` per second; each pauses the simulation for about 20 ms.", unit="Hz",
         minimum=0.0, maximum=15.0,
     )  # fmt: skip
 

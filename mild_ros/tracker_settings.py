@@ -22,10 +22,11 @@ class TrackerParameters:
         "azure_kinect", "Tracker convention of the messages on `skeleton`, or in the bag.", choices=tuple(SOURCES)
     )
     joint_names: tuple[str, ...] = parameter(
-        (), "For a source that does not number joints: the joint at each place of its message, empty to pass over one."
+        (), "For a source without joint numbers: the joint at each place of its message; an empty name skips a place."
     )
     joint_places: tuple[str, ...] = parameter(
-        (), "For a source with a topic or tf frame per joint: theirs, in the order of `joint_names`; empty for these."
+        (),
+        "For a source with a topic or tf frame per joint: their names, in the order of `joint_names`; empty if equal.",
     )
 
     def named_source(self, axes: Axes = "unknown") -> SkeletonSource:

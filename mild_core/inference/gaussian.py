@@ -68,7 +68,7 @@ def condition(gaussian: Gaussian, observed: FloatArray, observed_covariance: Flo
         Over Z - Q dimensions.
 
     Source: eq. 8 of MILD with the sign corrected: (z - mean), where the paper prints (mean - z). The covariance
-        of the observation enters as in METHOD section 2.
+        of the observation enters as in `mild_core/README.md`.
     """
     split = observed.shape[-1]
     observed_block = gaussian.covariance[..., :split, :split] + observed_covariance
@@ -108,7 +108,7 @@ def mixture_moments(weights: FloatArray, components: Gaussian) -> Gaussian:
     Returns:
         Batch shape (...): the one Gaussian with the mixture's first two moments.
 
-    Source: METHOD section 2, V = sum h (V_j + m_j m_j^T) - m m^T, written without the cancellation.
+    Source: the law of total variance, V = sum h (V_j + m_j m_j^T) - m m^T, written without the cancellation.
     """
     mean = (weights[..., None] * components.mean).sum(-2)
     spread = components.mean - mean[..., None, :]

@@ -12,7 +12,7 @@ seconds, and two linear readouts classify the same activations:
 Everything is relative to the length of the arm, by the directions of its bones, and runs at 20 Hz whatever the rate of
 the model beside it.
 
-Source: ours; METHOD section 5 has the measurements behind the choice of features. Reservoirs: `reservoir.py`.
+Source: ours; `docs/strangers.md` has the measurements. Reservoirs: `reservoir.py`.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mild_core.compiled import compiled
+from mild_core.inference.novelty_detector import TakeArray
 from mild_core.inference.reservoir import SETTLED_S, run_units
-from mild_core.inference.territory import TakeArray
 from mild_core.shapes import FloatArray, read_only
 
 GESTURES = ("wave", "handshake", "rocket", "parachute")
@@ -69,7 +69,7 @@ WALKING = 0.6
 """Least shoulder speed of a walking person [arm lengths/s]; an interaction does not start while walking."""
 
 UNDECIDED_S = 2.0
-"""Shortest motion that can be called unknown; source: METHOD section 5."""
+"""Shortest motion that can be called unknown [s]; measured, see `docs/strangers.md`."""
 
 FAMILIAR_S = 3.0
 """Longest time that `familiar` is averaged over."""

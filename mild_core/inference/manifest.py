@@ -24,10 +24,8 @@ CONTROLLED_KINDS = {"robot_joints": "rad", "human_arm": "m"}
 SOURCES = {
     "context": ("frame", "window", "label"),
     "encoder": ("frame", "window", "label", "context"),
-    "gate": ("frame", "window", "label", "context", "observed", "belief"),
     "residual": ("frame", "window", "label", "context", "observed"),
     "decoder": ("controlled", "label", "context", "observed", "belief"),
-    "distance": ("frame", "window"),
     "recogniser": ("frame", "window"),
 }
 """The networks that a member can have, and what each may take in."""

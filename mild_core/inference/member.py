@@ -11,7 +11,7 @@ import numpy as np
 from mild_core.inference.networks import Float32Array, Network
 from mild_core.inference.priors.prior import Prior
 from mild_core.inference.stepping import (
-    BOARD,
+    BUFFER_PARTS,
     IntArray,
     Observed,
     Parts,
@@ -30,13 +30,11 @@ class Member:
     Attributes:
         networks: By name, see `manifest.SOURCES`.
         inputs: What each network takes in, in order.
-        sizes: Number of values of each of `stepping.BOARD`.
+        sizes: Number of values of each of `stepping.BUFFER_PARTS`.
         priors: One per interaction.
         latent_radius: (P,) Mahalanobis distance from the nearest component that the interaction's own windows hardly
             ever exceed.
-        centres: (M, F) of what the `distance` network gave for training windows; (0, 0) without that network.
-        radii: (M,) how far from each centre they reach.
-        operators: (P, K, N N, C C) see `mixing.add_spread`.
+        operators: (P, K, N N, C C) see `mixing.propagate_covariance`.
     """
 
     networks: Mapping[str, Network]
@@ -44,8 +42,6 @@ class Member:
     sizes: Mapping[str, int]
     priors: tuple[Prior, ...]
     latent_radius: FloatArray
-    centres: FloatArray
-    radii: FloatArray
     operators: FloatArray
 
 
@@ -69,7 +65,7 @@ class Generated:
     Attributes:
         motion: (W, N) the decoded window.
         covariance: (N, N) of a frame's values, averaged over the window.
-        weights: (K,) belief over the components, after the gate.
+        weights: (K,) belief over the components.
         phase: Expected progress by that belief, 0 to 1.
     """
 
@@ -87,13 +83,13 @@ class CompiledMember:
         member: Which one.
         label: (P,) one for the interaction, zero for the others.
         phases: (K,) of its prior.
-        operators: (K, N N, C C) of its prior, see `mixing.add_spread`.
+        operators: (K, N N, C C) of its prior, see `mixing.propagate_covariance`.
         radius: See `Member.latent_radius`.
         residual_covariance: (N, N) of the model.
-        places: Where each of `stepping.BOARD` begins, and the length of the board.
+        offsets: Where each of `stepping.BUFFER_PARTS` begins, and the length of the buffer.
         prior: Its parts.
-        perceiving: Context, encoder and distance networks, each the parts of `stepping.Compiled`.
-        acting: Gate, residual and decoder networks.
+        perceiving: Context and encoder networks, each the parts of `stepping.Compiled`.
+        acting: Residual and decoder networks.
         recogniser: That network.
     """
 
@@ -103,10 +99,10 @@ class CompiledMember:
     operators: FloatArray
     radius: float
     residual_covariance: FloatArray
-    places: IntArray
+    offsets: IntArray
     prior: PriorParts
-    perceiving: tuple[Parts, Parts, Parts]
-    acting: tuple[Parts, Parts, Parts]
+    perceiving: tuple[Parts, Parts]
+    acting: tuple[Parts, Parts]
     recogniser: Parts
 
     def init(self) -> MemberState:
@@ -132,20 +128,20 @@ class CompiledMember:
         member = self.member
         steps = steps if "frame" in member.inputs.get("context", ()) else 1
         memories, given, timing = (state.context, state.memory), (features, self.label), (steps, stride, missed)
-        regions, restart = (member.centres, member.radii, self.radius), member.priors[0].restart
-        found = observe_window(self.perceiving, self.prior, regions, self.places, memories, given, timing, restart)
+        restart = member.priors[0].restart
+        found = observe_window(self.perceiving, self.prior, self.radius, self.offsets, memories, given, timing, restart)
         found[0].flags.writeable = found[1].flags.writeable = False
         return Observed(*found)
 
     def recognise(self, observed: Observed) -> FloatArray:
         """(P,) logarithms of the interactions' probabilities, by the recogniser."""
-        return recognise_window(self.recogniser, observed.board)
+        return recognise_window(self.recogniser, observed.buffer)
 
     def generate(self, observed: Observed) -> Generated:
         """Condition on what was observed, mix and decode."""
-        found = (observed.board, observed.weights, observed.means, observed.covariances)
+        found = (observed.buffer, observed.weights, observed.means, observed.covariances)
         motion, covariance, weights, phase = generate_window(
-            self.acting, self.places, found, self.operators, self.phases, self.residual_covariance
+            self.acting, self.offsets, found, self.operators, self.phases, self.residual_covariance
         )
         motion.flags.writeable = covariance.flags.writeable = weights.flags.writeable = False
         return Generated(motion, covariance, weights, phase)
@@ -206,15 +202,15 @@ def compile_member(member: Member, interaction: int, residual_covariance: FloatA
         residual_covariance: (N, N) of the model.
     """
     prior = member.priors[interaction]
-    places = np.concatenate([[0], np.cumsum([member.sizes.get(name, 0) for name in BOARD])])
+    offsets = np.concatenate([[0], np.cumsum([member.sizes.get(name, 0) for name in BUFFER_PARTS])])
 
     def ready(name: str) -> Parts:
         if name not in member.networks:
             return np.zeros((0, 6), dtype=np.int64), np.zeros(0, dtype=np.float32), np.zeros(0, dtype=np.int64)
         network = member.networks[name]
-        starts = [(places[BOARD.index(source)], member.sizes[source]) for source in member.inputs[name]]
-        intake = np.concatenate([np.arange(first, first + size) for first, size in starts])
-        return network.program.copy(), network.parameters.copy(), intake
+        starts = [(offsets[BUFFER_PARTS.index(source)], member.sizes[source]) for source in member.inputs[name]]
+        input_slices = np.concatenate([np.arange(first, first + size) for first, size in starts])
+        return network.program.copy(), network.parameters.copy(), input_slices
 
     chain = prior.chain
     parts = (prior.components.mean, prior.components.covariance, chain.initial, chain.transitions, chain.durations)
@@ -226,10 +222,10 @@ def compile_member(member: Member, interaction: int, residual_covariance: FloatA
         np.array(member.operators[interaction]),
         float(member.latent_radius[interaction]),
         residual_covariance,
-        places,
+        offsets,
         (mean, covariance, initial, transitions, durations),
-        (ready("context"), ready("encoder"), ready("distance")),
-        (ready("gate"), ready("residual"), ready("decoder")),
+        (ready("context"), ready("encoder")),
+        (ready("residual"), ready("decoder")),
         ready("recogniser"),
     )
 
@@ -241,7 +237,7 @@ def condition_ensemble(
     return ConditionedEnsemble(tuple([compile_member(member, interaction, residual_covariance) for member in members]))
 
 
-def spread_operators(
+def covariance_operators(
     decoder: Network, inputs: tuple[str, ...], sizes: Mapping[str, int], priors: Sequence[Prior], window: int
 ) -> FloatArray:
     """(P, K, N N, C C): mean over the window's frames of J (x) J, J the decoder's Jacobian at each component.
@@ -254,7 +250,7 @@ def spread_operators(
         window: W.
     """
     interactions, components, size = len(priors), priors[0].chain.components, sizes["controlled"]
-    places = {name: sum(sizes[before] for before in inputs[:index]) for index, name in enumerate(inputs)}
+    offsets = {name: sum(sizes[before] for before in inputs[:index]) for index, name in enumerate(inputs)}
     operators = []
     for p, j in np.ndindex(interactions, components):
         known = {
@@ -265,7 +261,7 @@ def spread_operators(
         point = np.concatenate([known.get(name, np.zeros(sizes[name])) for name in inputs]).astype(np.float32)
         rows = np.zeros((window, decoder.outputs // window, size))
         if "controlled" in inputs:
-            columns = range(places["controlled"], places["controlled"] + size)
+            columns = range(offsets["controlled"], offsets["controlled"] + size)
             rows = decoder.jacobian(point, columns).reshape(rows.shape)
         operators.append(np.einsum("wac,wbd->abcd", rows, rows).reshape(rows.shape[1] ** 2, size**2) / window)
     return read_only(np.stack(operators).reshape(interactions, components, *operators[0].shape))

@@ -44,21 +44,6 @@ def posterior(outputs: Float32Array, size: int) -> tuple[FloatArray, FloatArray]
 
 
 @compiled
-def gate_weights(belief: FloatArray, logits: Float32Array) -> FloatArray:
-    """Belief (K,) times the exponential of the gate's logits (K,), normalised."""
-    weights, largest, total = np.empty(belief.shape[0]), -np.inf, 0.0
-    for j in range(belief.shape[0]):
-        weights[j] = np.log(belief[j] + 1e-12) + logits[j]
-        largest = max(largest, weights[j])
-    for j in range(belief.shape[0]):
-        weights[j] = np.exp(weights[j] - largest)
-        total += weights[j]
-    for j in range(belief.shape[0]):
-        weights[j] /= total
-    return weights
-
-
-@compiled
 def classify(logits: Float32Array) -> FloatArray:
     """(P,) log-probabilities from a recogniser's logits (P,)."""
     log_probabilities = np.empty(logits.shape[0])
@@ -71,7 +56,7 @@ def classify(logits: Float32Array) -> FloatArray:
 
 
 @compiled
-def add_spread(
+def propagate_covariance(
     weights: FloatArray,
     components: tuple[FloatArray, FloatArray],
     centre: FloatArray,
@@ -87,7 +72,7 @@ def add_spread(
         operators: (K, N N, C C) for each component: mean over the window of J (x) J, J the decoder's Jacobian there.
         covariance: (N, N), changed in place.
 
-    Source: METHOD section 2, J V J^T with V of the mixture, linearised at each component.
+    Source: J V J^T with V of the mixture, linearised at each component (first-order propagation).
     """
     means, covariances = components
     size, controlled = covariance.shape[0], centre.shape[0]
@@ -105,15 +90,3 @@ def add_spread(
                 for k in range(second.shape[0]):
                     total += operators[j, a * size + b, k] * second[k]
                 covariance[a, b] += total
-
-
-@compiled
-def nearest(values: Float32Array, centres: FloatArray, radii: FloatArray) -> float:
-    """Least distance from values (F,) to one of the centres (M, F), in units of that centre's radius (M,)."""
-    least = np.inf
-    for m in range(centres.shape[0]):
-        total = 0.0
-        for f in range(centres.shape[1]):
-            total += (values[f] - centres[m, f]) ** 2
-        least = min(least, np.sqrt(total) / radii[m])
-    return least

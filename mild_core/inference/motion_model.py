@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from mild_core.errors import ModelError
 from mild_core.inference.gesture_recogniser import GestureRecogniser, gesture_classes, take_gestures
 from mild_core.inference.manifest import Manifest, NetworkSpec
-from mild_core.inference.member import Member, spread_operators
+from mild_core.inference.member import Member, covariance_operators
 from mild_core.inference.networks import Network, build_network
+from mild_core.inference.novelty_detector import NoveltyDetector, take_novelty_detector
 from mild_core.inference.priors import PRIORS
 from mild_core.inference.priors.prior import Prior
 from mild_core.inference.reservoir import Reservoir, take_reservoir
 from mild_core.inference.start_pose import StartPose, take_start_pose
-from mild_core.inference.territory import Territory, take_territory
 from mild_core.shapes import FloatArray, read_only
 
 Arrays = Mapping[str, NDArray[Any]]
@@ -40,7 +40,7 @@ class MildModel:
         temper: Power of each frame's likelihood in recognition.
         forgetting: Share of the evidence that is kept from one frame to the next.
         covariance_scale: (P,) what the published covariance is multiplied with while an interaction goes on, so that
-            its 90 % region holds nine true values of ten; by cross-validation, see `learning.calibration`.
+            its 90 % region holds nine true values of ten; by cross-validation, see `learning.uncertainty_calibration`.
         radii: (P, 2) Mahalanobis distances in the published covariance within which half and nine tenths of the true
             values lie, likewise.
         reservoir: What answers beside the members; None: they answer alone.
@@ -56,7 +56,7 @@ class MildModel:
     forgetting: float
     covariance_scale: FloatArray
     radii: FloatArray
-    territory: Territory | None = None
+    territory: NoveltyDetector | None = None
     reservoir: Reservoir | None = None
     start_pose: StartPose | None = None
     gestures: GestureRecogniser | None = None
@@ -82,9 +82,9 @@ def build_model(manifest: Manifest, arrays: Arrays) -> MildModel:
     Args:
         manifest: Says which arrays there are.
         arrays: `member_<i>.<network>.<layer>.<array>`, `member_<i>.prior.<interaction>.<array>`,
-            `member_<i>.latent_radius`, and where there is such a network `member_<i>.distance.centres` and `.radii`;
-            `residual_covariance`; `covariance_scale`, `radii`, `recognition` (temper, forgetting), `territory.<array>`,
-            `reservoir.<array>`, `start_pose.<array>` and `gestures.<array>`, which may be left out.
+            `member_<i>.latent_radius`; `residual_covariance`; and, optional, `covariance_scale`, `radii`,
+            `recognition` (temper, forgetting), `territory.<array>`, `reservoir.<array>`, `start_pose.<array>`,
+            `gestures.<array>`.
 
     Raises:
         ModelError: An array is missing, of another shape, not finite or not what the manifest says; it is named.
@@ -108,7 +108,7 @@ def build_model(manifest: Manifest, arrays: Arrays) -> MildModel:
             raise ValueError(f"array radii is {radii.tolist()}, not a smaller and a larger one above zero")
         territory = None
         if any(name.startswith("territory.") for name in arrays):
-            territory = take_territory(taken.array, manifest.window * manifest.frame_values, interactions)
+            territory = take_novelty_detector(taken.array, manifest.window * manifest.frame_values, interactions)
         reservoir = None
         if any(name.startswith("reservoir.") for name in arrays):
             positions = 3 * len(manifest.observed.joint_names)
@@ -171,7 +171,6 @@ def _build_member(prefix: str, specs: Mapping[str, NetworkSpec], manifest: Manif
     latent = manifest.latent_size
     outputs = {
         "encoder": latent + latent * (latent + 1) // 2,
-        "gate": manifest.prior.components,
         "residual": latent,
         "decoder": manifest.window * manifest.controlled.values,
         "recogniser": len(manifest.interactions),
@@ -182,16 +181,11 @@ def _build_member(prefix: str, specs: Mapping[str, NetworkSpec], manifest: Manif
             raise ValueError(f"{prefix}.{name} has a gru layer: only the context remembers")
     priors = tuple(_build_prior(f"{prefix}.prior.{name}", manifest, taken) for name in manifest.interactions)
     radius = taken.array(f"{prefix}.latent_radius", (len(priors),))
-    centres, radii = read_only(np.zeros((0, 0))), read_only(np.zeros(0))
-    if "distance" in networks:
-        centres = taken.array(f"{prefix}.distance.centres", (None, networks["distance"].outputs))
-        radii = taken.array(f"{prefix}.distance.radii", (len(centres),))
-    for name, values in (("latent_radius", radius), ("distance.radii", radii)):
-        if not (values > 0.0).all():
-            raise ValueError(f"array {prefix}.{name} holds a radius that is not above zero")
+    if not (radius > 0.0).all():
+        raise ValueError(f"array {prefix}.latent_radius holds a radius that is not above zero")
     inputs = {name: spec.inputs for name, spec in specs.items()}
-    operators = spread_operators(networks["decoder"], inputs["decoder"], sizes, priors, manifest.window)
-    return Member(networks, inputs, sizes, priors, radius, centres, radii, operators)
+    operators = covariance_operators(networks["decoder"], inputs["decoder"], sizes, priors, manifest.window)
+    return Member(networks, inputs, sizes, priors, radius, operators)
 
 
 def _build(prefix: str, spec: NetworkSpec, sizes: Mapping[str, int], outputs: int | None, taken: _Taken) -> Network:

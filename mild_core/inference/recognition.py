@@ -10,7 +10,7 @@ import numpy as np
 from mild_core.shapes import FloatArray, read_only
 
 CLOSEST_CALL = 50.0
-"""Nats by which one frame can speak against an interaction at most: a single bad frame decides nothing for good."""
+"""Floor of the per-frame log-likelihood ratio [nat], so that one outlier cannot rule an interaction out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,12 +36,12 @@ class Recognition:
         object.__setattr__(self, "probability", float(self.probabilities[self.likeliest]))
 
 
-def undecided(interactions: int) -> Recognition:
+def uniform_belief(interactions: int) -> Recognition:
     """Nothing seen: all are equally likely."""
     return Recognition(np.zeros(interactions), np.full(interactions, 1.0 / interactions))
 
 
-def given(interaction: int, interactions: int) -> Recognition:
+def one_hot_belief(interaction: int, interactions: int) -> Recognition:
     """Belief concentrated on a given interaction."""
     return Recognition(np.zeros(interactions), np.eye(interactions)[interaction])
 
@@ -57,7 +57,7 @@ def recognise(before: Recognition, log_likelihoods: FloatArray, temper: float, f
             independent.
         forgetting: Share of the evidence that is kept, so that a new interaction is noticed.
 
-    Source: METHOD section 4, recognition by tempered per-interaction likelihood.
+    Source: ours: recognition by tempered per-interaction likelihood.
     """
     relative = np.maximum(log_likelihoods - log_likelihoods.max(), -CLOSEST_CALL)
     evidence = forgetting * before.evidence + temper * relative

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mild_core.compiled import compiled
-from mild_core.inference.territory import TakeArray
+from mild_core.inference.novelty_detector import TakeArray
 from mild_core.shapes import FloatArray, read_only
 
 SETTLED_S = 1.5

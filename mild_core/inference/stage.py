@@ -29,8 +29,8 @@ from mild_core.inference.manifest import AUTO
 from mild_core.inference.member import ConditionedEnsemble, Generated, MemberState, combined, condition_ensemble
 from mild_core.inference.motion_model import MildModel
 from mild_core.inference.priors.filtering import UNDERFLOW
-from mild_core.inference.recognition import Recognition, given, recognise, undecided
-from mild_core.inference.resting import STILL_S, first_seen, is_back, is_waiting, rests, watch
+from mild_core.inference.recognition import Recognition, one_hot_belief, recognise, uniform_belief
+from mild_core.inference.rest_detection import STILL_S, first_seen, is_back, is_waiting, rests, watch
 from mild_core.inference.state import CopyState, InferenceState
 from mild_core.inference.stepping import Observed
 from mild_core.joint_measurements import JointMerger
@@ -126,12 +126,14 @@ class Inference:
         """The state before the first window."""
         names = self.model.manifest.interactions
         is_given = self.interaction != AUTO
-        recognition = given(names.index(self.interaction), len(names)) if is_given else undecided(len(names))
+        recognition = (
+            one_hot_belief(names.index(self.interaction), len(names)) if is_given else uniform_belief(len(names))
+        )
         copy = CopyState(-1, tuple(ensemble.init() for ensemble in self._ensembles))
         territory = self.model.territory
-        strayed = read_only(np.zeros(0)) if territory is None else territory.init()
+        novelty = read_only(np.zeros(0)) if territory is None else territory.init()
         gestures = None if self.model.gestures is None else self.model.gestures.init()
-        return InferenceState(recognition, (copy,) * self.model.manifest.stride, strayed, gestures=gestures)
+        return InferenceState(recognition, (copy,) * self.model.manifest.stride, novelty, gestures=gestures)
 
     def reset(self, state: InferenceState) -> InferenceState:
         """The state with nothing remembered of the person."""
@@ -161,19 +163,19 @@ class Inference:
         except DataError as error:
             return state.refused(error), ()
         own = self._recognise(before.recognition, found, given, seen)
-        strayed, strangeness = self._stray(before.strayed, given, found)
-        familiar = self._familiar(own, strangeness) if seen.gestures is not None else strangeness <= 1.0
-        own_strangeness = strangeness
-        recognition, strangeness = self._carried_over(own, strangeness, seen.gestures)
+        novelty, ood_score = self._stray(before.novelty, given, found)
+        familiar = self._familiar(own, ood_score) if seen.gestures is not None else ood_score <= 1.0
+        own_score = ood_score
+        recognition, ood_score = self._carried_over(own, ood_score, seen.gestures)
         generated = self._generate(found, recognition)
         answer = self._beside(generated, given, seen, recognition)
         state_name = self._state_name(recognition, familiar, seen.gestures, before)
-        may_start = self._may_start(state_name, own_strangeness, seen.gestures)
+        may_start = self._may_start(state_name, own_score, seen.gestures)
         if self.interaction != AUTO and not may_start:
-            wider = 1.0 + MOST_WIDENED * min(self._novelty(own_strangeness, seen.gestures) - 1.0, 1.0)
+            wider = 1.0 + MOST_WIDENED * min(self._novelty(own_score, seen.gestures) - 1.0, 1.0)
             answer = replace(answer, covariance=wider * answer.covariance)
-        motion = self._motion(given, recognition, strangeness, answer, state_name, may_start)
-        events = {**events, "accepted": 1, **({"unknown": 1} if strangeness > 1.0 else {})}
+        motion = self._motion(given, recognition, ood_score, answer, state_name, may_start)
+        events = {**events, "accepted": 1, **({"unknown": 1} if ood_score > 1.0 else {})}
         if seen.rest is not None and is_waiting(seen.rest, self._rest_frames):
             seen = replace(before, rest=seen.rest, gestures=seen.gestures)
         else:
@@ -186,7 +188,7 @@ class Inference:
             seen,
             published=recognition,
             named=state_name == NAMED,
-            strayed=strayed,
+            novelty=novelty,
             counts=counts,
             stamp_ns=given.stamp_ns,
         )
@@ -259,7 +261,7 @@ class Inference:
         return replace(state, units=units, rest=rest, gestures=gestures)
 
     def _carried_over(
-        self, own: Recognition, strangeness: float, gestures: GestureState | None
+        self, own: Recognition, ood_score: float, gestures: GestureState | None
     ) -> tuple[Recognition, float]:
         """Recognition and novelty with what carries over to strangers.
 
@@ -267,35 +269,35 @@ class Inference:
         counts for everybody. A given interaction is never called into question.
         """
         if gestures is None:
-            return own, strangeness
+            return own, ood_score
         if self.interaction != AUTO:
-            return own, min(strangeness, KNOWN)
-        trust = min(max((FAR - strangeness) / (FAR - NEAR), 0.0), 1.0)
+            return own, min(ood_score, KNOWN)
+        trust = min(max((FAR - ood_score) / (FAR - NEAR), 0.0), 1.0)
         own_nats = np.maximum(np.log(own.probabilities + 1e-12), -OWN_NATS)
         log_odds = trust * own_nats + gestures.evidence[self.model.gesture_classes]
         weights = np.exp(log_odds - log_odds.max())
-        known = gestures.active_s <= UNDECIDED_S or gestures.started or self._familiar(own, strangeness)
-        novelty = self._novelty(strangeness, gestures)
-        score = min(strangeness, KNOWN * min(novelty, 1.0)) if known else 1.0 + 0.5 * min(novelty, 2.0)
+        known = gestures.active_s <= UNDECIDED_S or gestures.started or self._familiar(own, ood_score)
+        novelty = self._novelty(ood_score, gestures)
+        score = min(ood_score, KNOWN * min(novelty, 1.0)) if known else 1.0 + 0.5 * min(novelty, 2.0)
         return Recognition(own.evidence, weights / weights.sum()), score
 
-    def _novelty(self, strangeness: float, gestures: GestureState | None) -> float:
+    def _novelty(self, ood_score: float, gestures: GestureState | None) -> float:
         """How unlike all that anybody does in a known interaction: 0 like most, above 1 too much so."""
         if gestures is None or self.model.gestures is None:
-            return strangeness
+            return ood_score
         return (1.0 - gestures.familiar) / (1.0 - float(self.model.gestures.bounds[1]))
 
-    def _may_start(self, name: str, strangeness: float, gestures: GestureState | None) -> bool:
+    def _may_start(self, name: str, ood_score: float, gestures: GestureState | None) -> bool:
         """Whether the person may be taken to do a known interaction, for a motion in state `name`."""
         if self.interaction != AUTO:
             settled = gestures is None or gestures.active_s > UNDECIDED_S
-            return not settled or self._novelty(strangeness, gestures) <= 1.0
+            return not settled or self._novelty(ood_score, gestures) <= 1.0
         return name == NAMED or not self.cautious
 
     @staticmethod
-    def _familiar(own: Recognition, strangeness: float) -> bool:
+    def _familiar(own: Recognition, ood_score: float) -> bool:
         """Whether the person moves like those the model learned from, and it is sure what they do."""
-        return strangeness < NEAR and own.probability > OWN_CERTAIN
+        return ood_score < NEAR and own.probability > OWN_CERTAIN
 
     def _state_name(
         self, recognition: Recognition, familiar: bool, gestures: GestureState | None, before: InferenceState
@@ -380,19 +382,19 @@ class Inference:
             evidence = 0.5 * (evidence + by_motion) if self.model.recognises else by_motion
         return recognise(before, evidence, self.model.temper, self.model.forgetting)
 
-    def _stray(self, strayed: FloatArray, window: FeatureWindow, found: _Found) -> tuple[FloatArray, float]:
+    def _stray(self, novelty: FloatArray, window: FeatureWindow, found: _Found) -> tuple[FloatArray, float]:
         """How far the person has strayed from each interaction, and the out-of-distribution score."""
-        strangeness = min([sum([seen.score for seen in members]) / len(members) for members in found])
+        ood_score = min([sum([seen.score for seen in members]) / len(members) for members in found])
         if self.model.territory is None:
-            return strayed, strangeness
-        strayed = self.model.territory.follow(strayed, window.features)
-        return strayed, max(strangeness, self.model.territory.score(strayed))
+            return novelty, ood_score
+        novelty = self.model.territory.follow(novelty, window.features)
+        return novelty, max(ood_score, self.model.territory.score(novelty))
 
     def _motion(
         self,
         window: FeatureWindow,
         recognition: Recognition,
-        strangeness: float,
+        ood_score: float,
         generated: Generated,
         state_name: str,
         may_start: bool = True,
@@ -412,7 +414,7 @@ class Inference:
             probability=recognition.probability,
             belief=generated.weights,
             phase=generated.phase,
-            out_of_distribution=strangeness,
+            out_of_distribution=ood_score,
             state=state_name,
             radii=(float(regions[0]), float(regions[1])),
             may_start=may_start,

@@ -5,7 +5,7 @@ Two demonstrations of one interaction differ most by a constant: the robot stood
 in the person's motion explains. Where the robot stood does, partly. Near its start the robot is where it stood; far
 from it, displaced by a share of how unusually it stood. And while the person rests, the robot still stands there.
 
-Source: METHOD section 4 (a third of the error is a constant offset per trial); the regression is ours.
+Source: ours; a third of the error is a constant offset per trial, see `mild_core/README.md`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mild_core.inference.territory import TakeArray
+from mild_core.inference.novelty_detector import TakeArray
 from mild_core.shapes import FloatArray, read_only
 
 

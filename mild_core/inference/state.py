@@ -10,7 +10,7 @@ from mild_core.errors import DataError
 from mild_core.inference.gesture_recogniser import GestureState
 from mild_core.inference.member import MemberState
 from mild_core.inference.recognition import Recognition
-from mild_core.inference.resting import Rest
+from mild_core.inference.rest_detection import Rest
 from mild_core.joint_measurements import JointTracks
 from mild_core.shapes import FloatArray
 
@@ -40,7 +40,7 @@ class InferenceState:
         index: Its number since the start or the last reset.
         copies: S of them.
         recognition: Which interaction it is.
-        strayed: See `Territory.follow`; (0,) in a model without one.
+        strayed: See `NoveltyDetector.follow`; (0,) in a model without one.
         units: (R,) of the reservoir; None before the first window, and in a model without one.
         rest: Where the hand rested; None before the first window.
         published: What the newest motion says of the interaction; None before the first.
@@ -52,7 +52,7 @@ class InferenceState:
 
     recognition: Recognition
     copies: tuple[CopyState, ...]
-    strayed: FloatArray
+    novelty: FloatArray
     units: FloatArray | None = None
     rest: Rest | None = None
     published: Recognition | None = None

@@ -2,7 +2,7 @@
 """One step of a member given the interaction, compiled as two functions: observe a window, generate a motion.
 
 Between them the interaction is recognised, which needs all members given each of them. All values that networks take in
-lie on one board, an array in the order of `BOARD`; a network's intake is a list of places there.
+lie in one buffer, an array in the order of `BUFFER_PARTS`; a network's input slices are places there.
 
 Source: Algorithm 2 of MILD.
 """
@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mild_core.compiled import compiled
-from mild_core.inference.mixing import add_spread, classify, gate_weights, nearest, posterior
+from mild_core.inference.mixing import classify, posterior, propagate_covariance
 from mild_core.inference.networks import Float32Array, run_layers
 from mild_core.inference.priors.filtering import UNDERFLOW, filter_frames, observe_frame
 from mild_core.shapes import FloatArray
 
-BOARD = ("frame", "window", "label", "context", "observed", "belief", "controlled")
+BUFFER_PARTS = ("frame", "window", "label", "context", "observed", "belief", "controlled")
 FRAME, WINDOW, LABEL, CONTEXT, OBSERVED, BELIEF, CONTROLLED = range(7)
 
 NEVER_SEEN = 2.0
@@ -37,12 +37,12 @@ class Compiled(NamedTuple):
     Attributes:
         program: See `networks.Network`.
         parameters: See `networks.Network`.
-        intake: (n,) places on the board.
+        input_slices: (n,) places in the buffer.
     """
 
     program: IntArray
     parameters: Float32Array
-    intake: IntArray
+    input_slices: IntArray
 
 
 Parts = tuple[IntArray, Float32Array, IntArray]
@@ -58,7 +58,7 @@ class Observed(NamedTuple):
     Attributes:
         context: New memory of the context network.
         memory: (K, D) new memory of the chain.
-        board: With everything up to the observed latent.
+        buffer: With everything up to the observed latent.
         weights: (K,) belief over components.
         log_likelihood: Of this frame given those before.
         means: (K, C) what each component expects of the controlled latent.
@@ -68,7 +68,7 @@ class Observed(NamedTuple):
 
     context: Float32Array
     memory: FloatArray
-    board: Float32Array
+    buffer: Float32Array
     weights: FloatArray
     log_likelihood: float
     means: FloatArray
@@ -77,42 +77,42 @@ class Observed(NamedTuple):
 
 
 @compiled
-def run_network(parts: Parts, board: Float32Array, memory: Float32Array) -> Float32Array:
-    """Gather a network's values from the board and push them through."""
+def run_network(parts: Parts, buffer: Float32Array, memory: Float32Array) -> Float32Array:
+    """Gather a network's values from the buffer and push them through."""
     network = Compiled(parts[0], parts[1], parts[2])
-    values = np.empty(network.intake.shape[0], dtype=np.float32)
+    values = np.empty(network.input_slices.shape[0], dtype=np.float32)
     for i in range(values.shape[0]):
-        values[i] = board[network.intake[i]]
+        values[i] = buffer[network.input_slices[i]]
     return run_layers(network.program, network.parameters, values, memory)
 
 
 @compiled
 def run_context(
-    network: Parts, features: FloatArray, steps: int, stride: int, places: IntArray, board: Float32Array,
+    network: Parts, features: FloatArray, steps: int, stride: int, offsets: IntArray, buffer: Float32Array,
     memory: Float32Array,
 ) -> None:  # fmt: skip
-    """Run the context network over the newest `steps` frames, `stride` apart, and lay its last output on the board."""
+    """Run the context network over the newest `steps` frames, `stride` apart, and lay its last output on the buffer."""
     frames, values = features.shape
     for back in range(steps - 1, -1, -1):
         row = frames - 1 - back * stride
         for d in range(values):
-            board[places[FRAME] + d] = features[row, d]
+            buffer[offsets[FRAME] + d] = features[row, d]
         if network[0].shape[0] > 0:
-            after = run_network(network, board, memory)
+            after = run_network(network, buffer, memory)
             for c in range(after.shape[0]):
-                board[places[CONTEXT] + c] = after[c]
+                buffer[offsets[CONTEXT] + c] = after[c]
 
 
 @compiled
-def lay_out(features: FloatArray, label: FloatArray, places: IntArray) -> tuple[Float32Array, bool]:
-    """A board with window (W, D) and label (P,) on it, and whether all features are finite."""
-    board, finite = np.zeros(places[-1], dtype=np.float32), True
+def lay_out(features: FloatArray, label: FloatArray, offsets: IntArray) -> tuple[Float32Array, bool]:
+    """A buffer with window (W, D) and label (P,) in it, and whether all features are finite."""
+    buffer, finite = np.zeros(offsets[-1], dtype=np.float32), True
     for row in range(features.shape[0]):
         for d in range(features.shape[1]):
             finite = finite and np.isfinite(features[row, d])
-            board[places[WINDOW] + row * features.shape[1] + d] = features[row, d]
-    board[places[LABEL] : places[LABEL] + label.size] = label
-    return board, finite
+            buffer[offsets[WINDOW] + row * features.shape[1] + d] = features[row, d]
+    buffer[offsets[LABEL] : offsets[LABEL] + label.size] = label
+    return buffer, finite
 
 
 @compiled
@@ -145,10 +145,10 @@ def follow_chain(
 
 @compiled
 def observe_window(
-    networks: tuple[Parts, Parts, Parts],
+    networks: tuple[Parts, Parts],
     prior: PriorParts,
-    regions: tuple[FloatArray, FloatArray, float],
-    places: IntArray,
+    radius: float,
+    offsets: IntArray,
     state: tuple[Float32Array, FloatArray],
     given: tuple[FloatArray, FloatArray],
     timing: tuple[int, int, int],
@@ -157,10 +157,10 @@ def observe_window(
     """Encode one window and move the belief on: the parts of `Observed`.
 
     Args:
-        networks: Context, encoder, distance.
+        networks: Context, encoder.
         prior: Of the interaction.
-        regions: Centres (M, F) and radii (M,) of the distance network's outputs, and the latent's radius.
-        places: Where each of `BOARD` begins, and the length of the board.
+        radius: Of the latent, see `Member.latent_radius`.
+        offsets: Where each of `BUFFER_PARTS` begins, and the length of the buffer.
         state: Memory of the context network and of the chain, left unchanged.
         given: Features (W, D) and the label (P,).
         timing: Frames for the context network to take in and the stride between them; steps of the chain that went
@@ -170,37 +170,35 @@ def observe_window(
     features, label = given
     context, memory = state[0].copy(), state[1].copy()
     components, total = prior[0].shape
-    size = places[BELIEF] - places[OBSERVED]
+    size = offsets[BELIEF] - offsets[OBSERVED]
     weights, means = np.empty(components), np.empty((components, total - size))
     covariances = np.empty((components, total - size, total - size))
-    board, finite = lay_out(features, label, places)
+    buffer, finite = lay_out(features, label, offsets)
     if not finite:
-        return context, memory, board, weights, np.nan, means, covariances, np.nan
-    run_context(networks[0], features, timing[0], timing[1], places, board, context)
+        return context, memory, buffer, weights, np.nan, means, covariances, np.nan
+    run_context(networks[0], features, timing[0], timing[1], offsets, buffer, context)
     nothing = np.empty(0, dtype=np.float32)
-    latent, widening = posterior(run_network(networks[1], board, nothing), size)
+    latent, widening = posterior(run_network(networks[1], buffer, nothing), size)
     for q in range(size):
-        board[places[OBSERVED] + q] = latent[q]
+        buffer[offsets[OBSERVED] + q] = latent[q]
     found = (weights, means, covariances)
     log_likelihood, distance = follow_chain(prior, (latent, widening), timing[2], restart, memory, found)
-    score = distance / regions[2]
+    score = distance / radius
     if not log_likelihood > UNDERFLOW:
         score = max(score, NEVER_SEEN)
-    if networks[2][0].shape[0] > 0:
-        score = max(score, nearest(run_network(networks[2], board, nothing), regions[0], regions[1]))
-    return context, memory, board, weights, log_likelihood, means, covariances, score
+    return context, memory, buffer, weights, log_likelihood, means, covariances, score
 
 
 @compiled
-def recognise_window(network: Parts, board: Float32Array) -> FloatArray:
+def recognise_window(network: Parts, buffer: Float32Array) -> FloatArray:
     """(P,) logarithms of the interactions' probabilities, by a recogniser."""
-    return classify(run_network(network, board, np.empty(0, dtype=np.float32)))
+    return classify(run_network(network, buffer, np.empty(0, dtype=np.float32)))
 
 
 @compiled
 def generate_window(
-    networks: tuple[Parts, Parts, Parts],
-    places: IntArray,
+    networks: tuple[Parts, Parts],
+    offsets: IntArray,
     observed: tuple[Float32Array, FloatArray, FloatArray, FloatArray],
     operators: FloatArray,
     phases: FloatArray,
@@ -209,36 +207,33 @@ def generate_window(
     """Condition on what was observed, mix and decode.
 
     Args:
-        networks: Gate, residual, decoder.
-        places: As for `observe_window`.
-        observed: Board, weights, means and covariances of `Observed`.
-        operators: (K, N N, C C) see `add_spread`.
+        networks: Residual, decoder.
+        offsets: As for `observe_window`.
+        observed: Buffer, weights, means and covariances of `Observed`.
+        operators: (K, N N, C C) see `propagate_covariance`.
         phases: (K,) mean time of each component.
         residual_covariance: (N, N) added to the covariance.
 
     Returns:
         The decoded window (W, N), covariance (N, N) of a frame's values averaged over it, the belief (K,) over the
-        components after the gate, and the phase by that belief.
+        components, and the phase by that belief.
     """
-    board, belief, means, covariances = observed[0].copy(), observed[1], observed[2], observed[3]
-    nothing, begin = np.empty(0, dtype=np.float32), places[BELIEF]
-    if networks[0][0].shape[0] > 0:
-        board[begin : begin + belief.size] = belief
-        belief = gate_weights(belief, run_network(networks[0], board, nothing))
+    buffer, belief, means, covariances = observed[0].copy(), observed[1], observed[2], observed[3]
+    nothing, begin = np.empty(0, dtype=np.float32), offsets[BELIEF]
     latent, phase = np.zeros(means.shape[1]), 0.0
     for j in range(belief.shape[0]):
         phase += belief[j] * phases[j]
         for c in range(latent.shape[0]):
             latent[c] += belief[j] * means[j, c]
     covariance = residual_covariance.copy()
-    add_spread(belief, (means, covariances), latent, operators, covariance)
-    if networks[1][0].shape[0] > 0:
-        shift = run_network(networks[1], board, nothing)
+    propagate_covariance(belief, (means, covariances), latent, operators, covariance)
+    if networks[0][0].shape[0] > 0:
+        shift = run_network(networks[0], buffer, nothing)
         for c in range(latent.shape[0]):
             latent[c] += shift[c]
-    board[begin : begin + belief.size] = belief
-    board[places[CONTROLLED] : places[CONTROLLED] + latent.size] = latent
-    decoded, size = run_network(networks[2], board, nothing), covariance.shape[0]
+    buffer[begin : begin + belief.size] = belief
+    buffer[offsets[CONTROLLED] : offsets[CONTROLLED] + latent.size] = latent
+    decoded, size = run_network(networks[1], buffer, nothing), covariance.shape[0]
     motion = np.empty((decoded.shape[0] // size, size))
     for i in range(decoded.shape[0]):
         motion[i // size, i % size] = decoded[i]

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol as Promise
+from typing import Protocol as TypingProtocol
 
 import numpy as np
 
@@ -18,7 +18,7 @@ GIVEN, RECOGNISED, UNKNOWN, STARTED = "given", "recognised", "unknown", "given, 
 interaction and where the robot stood before."""
 
 
-class Predictor(Promise):
+class Predictor(TypingProtocol):
     """What a method has learned."""
 
     def predict(self, demonstration: Demonstration) -> FloatArray:

@@ -149,7 +149,7 @@ def _padded(track: FloatArray, longest: int) -> Tensor:
     return torch.cat([frames, frames[-1:].expand(longest - len(frames), -1)])
 
 
-def bend(tracks: Tracks, augmentation: Augmentation) -> Tracks:
+def augment(tracks: Tracks, augmentation: Augmentation) -> Tracks:
     """Each trial `copies` times: at another speed, by a person of another size who stands a little differently.
 
     Both agents are bent in time together; what is done to the human's place and size leaves the robot alone.

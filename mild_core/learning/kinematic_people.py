@@ -14,9 +14,9 @@ import numpy as np
 
 from mild_core.inference.gesture_recogniser import FOREARM, GESTURES, RATE_HZ, UPPER_ARM
 from mild_core.inference.manifest import ControlledAgent, HumanPlacement, ObservedAgent
-from mild_core.learning.contact import ADULT_ARM_M, FACE_TO_FACE_RAD
 from mild_core.learning.demonstration import Demonstration
 from mild_core.learning.gestures import arm_to, hanging, leaning, through
+from mild_core.learning.place_fit import ADULT_ARM_M, FACE_TO_FACE_RAD
 from mild_core.learning.trials import TrialEntry, Trials
 from mild_core.retargeting.chain import chain_of
 from mild_core.retargeting.inverse_kinematics import InverseKinematics, Reach

@@ -13,8 +13,8 @@ from torch import Tensor
 
 from mild_core.compiled import compiled
 from mild_core.inference.gaussian import LOG_TWO_PI
-from mild_core.inference.priors.chain import run_filter
 from mild_core.inference.priors.prior import Prior
+from mild_core.inference.priors.semi_markov_chain import run_filter
 from mild_core.learning.vae import Posterior
 from mild_core.shapes import FloatArray
 

@@ -43,7 +43,7 @@ def learn(
         protocol: How windows are cut.
         settings: How to train.
         seed: Of all draws.
-        start: Layers of another model to start from, see `carry_over`.
+        start: Layers of another model to start from, see `transfer_layers`.
     """
     trained = finished(train(demonstrations, protocol, settings, seed, start=start))
     joints = demonstrations[0].controlled[0].size

@@ -19,8 +19,8 @@ def _fit_shipped(
     demonstrations: Sequence[Demonstration], protocol: Protocol, seed: int, configuration: Configuration | None = None
 ) -> Predictor:
     """Train as a configuration says, or with the preset of the protocol (see `Fit`)."""
-    from mild_core.learning.carry_over import start_of
     from mild_core.learning.learned_model import learn
+    from mild_core.learning.transfer import start_of
 
     if configuration is None:
         return learn(demonstrations, protocol, PRESETS[protocol.name], seed)

@@ -10,10 +10,10 @@ import numpy as np
 import torch
 from torch.nn import functional
 
-from mild_core.inference.territory import Territory
+from mild_core.inference.novelty_detector import NoveltyDetector
 from mild_core.learning.clusters import clusters
 from mild_core.learning.coordinates import principal_coordinates
-from mild_core.learning.corpus import Corpus, bend, cut_tracks
+from mild_core.learning.corpus import Corpus, augment, cut_tracks
 from mild_core.learning.demonstration import Demonstration
 from mild_core.learning.folds import Fold, folds_of
 from mild_core.learning.settings import Augmentation
@@ -46,7 +46,7 @@ DRAWS = Augmentation(copies=4, speed=0.1, unsteadiness=0.1, arm_scale=0.05, yaw_
 
 def territory_of(
     demonstrations: Sequence[Demonstration], protocol: Protocol, interactions: Sequence[str], seed: int
-) -> Territory:
+) -> NoveltyDetector:
     """Where the windows of each interaction lie, and how far those of other people may be.
 
     The reach is `MARGIN` times what `QUANTILE` of the settled frames keep within, in trials held out in turn.
@@ -74,18 +74,18 @@ def territory_of(
     return replace(clustered(demonstrations, protocol, interactions, seed), reach=max(reach, 1e-6))
 
 
-def settled_scores(territory: Territory, trial: Demonstration, protocol: Protocol) -> FloatArray:
+def settled_scores(territory: NoveltyDetector, trial: Demonstration, protocol: Protocol) -> FloatArray:
     """Scores of a trial's windows from `SETTLED_S` after its onset; of the last one, where that is later."""
-    strayed, scores = territory.init(), []
+    novelty, scores = territory.init(), []
     for window in cut(trial, protocol).observed:
-        strayed = territory.follow(strayed, window)
-        scores.append(territory.score(strayed))
+        novelty = territory.follow(novelty, window)
+        scores.append(territory.score(novelty))
     return np.array(scores)[min(onset_window(trial, protocol, SETTLED_S), len(scores) - 1) :]
 
 
 def clustered(
     demonstrations: Sequence[Demonstration], protocol: Protocol, interactions: Sequence[str], seed: int
-) -> Territory:
+) -> NoveltyDetector:
     """A territory that reaches one unit far."""
     rate_hz = demonstrations[0].rate_hz / protocol.keep_every
     stride = max(1, round(rate_hz / WINDOWS_PER_S))
@@ -103,7 +103,7 @@ def clustered(
         points = np.concatenate(parts) @ weight + bias
         centres.append(clusters(points, max(1, min(CENTRES, len(points) // LEAST_WINDOWS)), rng))
     owners = np.repeat(np.arange(len(centres)), [len(found) for found in centres]).astype(np.float64)
-    return Territory(weight, bias, np.concatenate(centres), owners, 1.0, KEPT_PER_S ** (1.0 / rate_hz))
+    return NoveltyDetector(weight, bias, np.concatenate(centres), owners, 1.0, KEPT_PER_S ** (1.0 / rate_hz))
 
 
 def latent_radius(member: TrainedMember, corpus: Corpus, stride: int, seed: int) -> FloatArray:
@@ -111,7 +111,7 @@ def latent_radius(member: TrainedMember, corpus: Corpus, stride: int, seed: int)
     labels = len(corpus.interactions)
     with torch.no_grad(), torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
-        batch = cut_tracks(corpus, bend(corpus.tracks, DRAWS), 0, stride)
+        batch = cut_tracks(corpus, augment(corpus.tracks, DRAWS), 0, stride)
         window = member.question.project(batch.question)
         label = functional.one_hot(batch.label, labels).float()[:, None].expand(-1, window.shape[1], -1)
         posterior = member.networks.observe(member.networks.sources(window, label))

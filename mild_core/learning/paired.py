@@ -18,8 +18,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline  # type: ignore[import-untyped]  # scipy brings no types
 
 from mild_core.inference.gesture_recogniser import SAME
-from mild_core.learning.contact import FACE_TO_FACE_RAD, turned_about_z
 from mild_core.learning.demonstration import Demonstration
+from mild_core.learning.place_fit import FACE_TO_FACE_RAD, turned_about_z
 from mild_core.learning.settings import Paired
 from mild_core.retargeting.inverse_kinematics import InverseKinematics, Reach
 from mild_core.retargeting.kinematics import forward_kinematics

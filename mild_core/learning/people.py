@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from mild_core.errors import DatasetError
-from mild_core.learning.archive import read_archive
+from mild_core.learning.safe_npz import read_safe_npz
 from mild_core.perception.skeletons import JOINTS
 from mild_core.shapes import FloatArray, read_only
 from mild_core.signals import SkeletonFrame
@@ -65,10 +65,10 @@ def read_people(path: Path) -> tuple[PeopleRecording, ...]:
         DatasetError: The file is none; names the array.
     """
     thing = f"people file '{path}'"
-    named = read_archive(path, ("joint_names", "labels", "active_s"))
-    with zipfile.ZipFile(path) as archive:  # `read_archive` has judged it
+    named = read_safe_npz(path, ("joint_names", "labels", "active_s"))
+    with zipfile.ZipFile(path) as archive:  # `read_safe_npz` has judged it
         entries = [name.removesuffix(".npy") for name in archive.namelist()]
-    arrays = named | read_archive(path, [name for name in entries if name.endswith(("_times_ms", "_positions_mm"))])
+    arrays = named | read_safe_npz(path, [name for name in entries if name.endswith(("_times_ms", "_positions_mm"))])
     joints = tuple(str(name) for name in np.atleast_1d(arrays["joint_names"]))
     unknown = sorted(set(joints) - set(JOINTS))
     if unknown or len(set(joints)) != len(joints):

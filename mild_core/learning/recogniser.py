@@ -11,7 +11,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from mild_core.learning.coordinates import Coordinates, principal_coordinates
-from mild_core.learning.corpus import Corpus, bend, cut_tracks
+from mild_core.learning.corpus import Corpus, augment, cut_tracks
 from mild_core.learning.settings import Augmentation, RecogniserSettings
 from mild_core.learning.vae import LayerStack, perceptron
 
@@ -72,7 +72,7 @@ def train_recogniser(
         for group in optimiser.param_groups:
             group["lr"] = settings.learning_rate * (0.5 * (1.0 + math.cos(math.pi * epoch / epochs)) + LEAST_RATE)
         phase = int(torch.randint(corpus.protocol.keep_every, ()))
-        tracks, first = bend(corpus.tracks, augmentation), int(torch.randint(STRIDE, ()))
+        tracks, first = augment(corpus.tracks, augmentation), int(torch.randint(STRIDE, ()))
         batch = cut_tracks(corpus, tracks, first, STRIDE, phase)
         observed = tracks.observed[:, phase :: corpus.protocol.keep_every]
         started = has_started(observed)[:, first + width - 1 :: STRIDE][:, : batch.valid.shape[1]]

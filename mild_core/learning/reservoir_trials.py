@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array  # type: ignore[import-untyped]  # scipy brings no types
 
 from mild_core.inference.reservoir import SETTLED_S, Reservoir
-from mild_core.learning.corpus import Corpus, Tracks, bend, cut_tracks
-from mild_core.learning.draws import drawing_from
+from mild_core.learning.corpus import Corpus, Tracks, augment, cut_tracks
 from mild_core.learning.recogniser import has_started
 from mild_core.learning.ridge import Moments, moments_of, total
+from mild_core.learning.seeding import drawing_from
 from mild_core.learning.settings import TrainingSettings
 from mild_core.learning.windows import Protocol
 from mild_core.shapes import FloatArray
@@ -65,7 +65,7 @@ def seen_trials(corpus: Corpus, units: Reservoir, training: TrainingSettings, se
     if training.augmentation is not None and training.reservoir is not None:
         with drawing_from(*seed):
             for copy in range(training.reservoir.copies):
-                bent = bend(corpus.tracks, replace(training.augmentation, copies=1))
+                bent = augment(corpus.tracks, replace(training.augmentation, copies=1))
                 (features,) = _features(corpus, bent, units, [RESTS_S[copy % len(RESTS_S)]])
                 learned.append((features, _wanted(corpus, bent, units)))
     if corpus.again:  # what was recorded counts as much beside them as it does for the networks

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from mild_core.learning.baseline import GIVEN, RECOGNISED, STARTED
-from mild_core.learning.calibration import CalibrationSample, UncertaintyCalibration, calibrate
 from mild_core.learning.demonstration import Demonstration
 from mild_core.learning.evaluation import errors_of_trial
 from mild_core.learning.model_predictor import AUTO, Answers, ModelPredictor
 from mild_core.learning.novelty import SETTLED_S
+from mild_core.learning.uncertainty_calibration import CalibrationSample, UncertaintyCalibration, calibrate
 from mild_core.learning.windows import cut, onset_window
 from mild_core.shapes import FloatArray
 

@@ -25,9 +25,6 @@ class Architecture:
         memory: Units of its GRU.
         encoder: Sources of the human's encoder.
         encoder_hidden: Hidden units by layer, of the human's encoder.
-        gate: Sources of what the belief over the components is multiplied by, as a mixture of experts has it; empty:
-            the belief of the prior stands.
-        gate_hidden: Hidden units by layer.
         residual: Sources of what is added to the conditioned latent; empty: nothing is added.
         residual_hidden: Hidden units by layer.
         decoder: Sources of the robot's decoder; "controlled" first.
@@ -45,8 +42,6 @@ class Architecture:
     memory: int = 64
     encoder: tuple[str, ...] = ("context", "window")
     encoder_hidden: tuple[int, ...] = (64,)
-    gate: tuple[str, ...] = ()
-    gate_hidden: tuple[int, ...] = (32,)
     residual: tuple[str, ...] = ("context", "window", "label")
     residual_hidden: tuple[int, ...] = (64,)
     decoder: tuple[str, ...] = ("controlled", "label")
@@ -269,7 +264,7 @@ class TrainingSettings:
         if through and self.gradient_stride != self.stride:
             raise ValueError("a gradient through memory or belief needs every window of a stride: equal strides")
         shape = self.architecture
-        if "context" in (*shape.encoder, *shape.gate, *shape.residual) and not shape.context:
+        if "context" in (*shape.encoder, *shape.residual) and not shape.context:
             raise ValueError("'context' is a source here, but the context has no sources itself")
         if not (self.evidence_per_s > 0.0 and 0.0 < self.evidence_kept_per_s <= 1.0):
             raise ValueError("evidence_per_s must be above 0, evidence_kept_per_s above 0 and at most 1")

@@ -14,9 +14,9 @@ import numpy as np
 
 from mild_core.inference.gesture_recogniser import SAME
 from mild_core.inference.model import MildModel
-from mild_core.learning.contact import FittedPlace, fit_contact, touching, turned_about_z
 from mild_core.learning.demonstration import Demonstration
 from mild_core.learning.model_predictor import ModelPredictor
+from mild_core.learning.place_fit import FittedPlace, fit_contact, touching, turned_about_z
 from mild_core.learning.recording import Recording
 from mild_core.learning.windows import Protocol
 from mild_core.retargeting.kinematics import forward_kinematics

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from mild_core.inference.reservoir import Reservoir
-from mild_core.inference.resting import first_seen, rests, watch
+from mild_core.inference.rest_detection import first_seen, rests, watch
 from mild_core.inference.start_pose import StartPose
 from mild_core.learning.coordinates import Coordinates
 from mild_core.learning.corpus import corpus_of, cut_tracks

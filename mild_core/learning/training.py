@@ -19,23 +19,23 @@ from torch import Tensor, nn
 from mild_core.errors import DatasetError, SetupError
 from mild_core.inference.reservoir import Reservoir
 from mild_core.inference.start_pose import StartPose
-from mild_core.learning.carry_over import carry_over
 from mild_core.learning.compiled_gru import compile_memories
 from mild_core.learning.coordinates import Coordinates, plain_coordinates, principal_coordinates
-from mild_core.learning.corpus import Corpus, WindowBatch, bend, corpus_of, cut_tracks
+from mild_core.learning.corpus import Corpus, WindowBatch, augment, corpus_of, cut_tracks
 from mild_core.learning.demonstration import Demonstration
-from mild_core.learning.draws import drawing_from
+from mild_core.learning.epoch_search import converged, lengths, validation_error
 from mild_core.learning.folds import folds_of, require_folds
 from mild_core.learning.objective import Objective
 from mild_core.learning.recogniser import Recogniser, train_recogniser
 from mild_core.learning.reestimation import refit
 from mild_core.learning.reservoir import fit_reservoir
 from mild_core.learning.reservoir_trials import STRIDE
+from mild_core.learning.seeding import drawing_from
 from mild_core.learning.settings import Augmentation, TrainingSettings
 from mild_core.learning.snapshot import Learner, Snapshot
 from mild_core.learning.start_pose import fit_start_pose
-from mild_core.learning.stopping import lengths, levelled_off, validation_error
 from mild_core.learning.trained import TrainedMember, TrainedModel
+from mild_core.learning.transfer import transfer_layers
 from mild_core.learning.trial_validity import require_valid
 from mild_core.learning.vae import MemberNetworks
 from mild_core.learning.windows import Protocol
@@ -95,7 +95,7 @@ def train(
         settings: How to train.
         seed: Of all draws.
         interactions: All that the model shall know, by label; default: those demonstrated, in order.
-        start: Layers of another model to start from, see `carry_over`.
+        start: Layers of another model to start from, see `transfer_layers`.
         resume: The newest snapshot of each member that an interrupted run of the same training left, in order.
 
     Yields:
@@ -176,7 +176,7 @@ def _long_enough(
         for report in _epochs(learned, objective, learner, (seed, LOOKING), held_out):
             yield replace(report, member=place, members=len(tried) + settings.members)
         errors += learner.validation
-        if levelled_off(errors):
+        if converged(errors):
             return replace(settings, epochs=tried[place - 1]), place + 1
     return settings, len(tried)
 
@@ -188,15 +188,13 @@ def _learner(
     start: Mapping[str, NDArray[Any]],
     resume: Sequence[Snapshot],
 ) -> tuple[Learner, Objective]:
-    """A member before its first epoch or as the first of `resume` has it, and what it shall minimise."""
+    """A member before its first epoch or as the first of `resume` has it, and what it minimises."""
     question, answer = window_coordinates(corpus, settings)
     labels = len(corpus.interactions)
     with drawing_from(*draws):
-        networks = MemberNetworks(
-            settings.architecture, question.size, answer.size, labels, settings.prior.components, settings.dropout
-        )
+        networks = MemberNetworks(settings.architecture, question.size, answer.size, labels, settings.dropout)
     compile_memories(networks)
-    carried = carry_over(networks, start)
+    carried = transfer_layers(networks, start)
     if start and not carried:
         problem = "no hidden layer of it has the name and size of one that is trained here"
         raise SetupError("start_from", problem, "leave it out, or name a model with the same architecture")
@@ -278,7 +276,7 @@ def _pass(
     settings, networks, optimiser, prior = objective.settings, learner.networks, learner.optimiser, learner.prior
     tracks, phase = corpus.drawn(1), 0
     if settings.augmentation is not None:
-        tracks = bend(corpus.drawn(settings.augmentation.copies), replace(settings.augmentation, copies=1))
+        tracks = augment(corpus.drawn(settings.augmentation.copies), replace(settings.augmentation, copies=1))
         phase = int(torch.randint(corpus.protocol.keep_every, ()))
     cuts = min(
         settings.gradient_stride, corpus.protocol.windows_of(tracks.observed.shape[1] // corpus.protocol.keep_every)

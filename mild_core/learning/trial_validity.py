@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mild_core.errors import DatasetError
 from mild_core.learning.demonstration import Demonstration
-from mild_core.perception.gates import FARTHEST_M, HUMAN_BONE_M
+from mild_core.perception.joint_validity import FARTHEST_M, HUMAN_BONE_M
 from mild_core.shapes import FloatArray
 
 LARGEST_RAD = 25.0
@@ -68,7 +68,7 @@ def _require_motion(
 
 
 def _require_arm(trial: Demonstration, arm_m: FloatArray, names: Sequence[str], whose: str) -> None:
-    """Joints in range, none exactly zero but the first, on bones that may be an arm's (see `perception.gates`)."""
+    """Joints in range, none exactly zero but the first, on bones of possible length (`perception.joint_validity`)."""
     far = np.abs(arm_m).max(axis=2) > FARTHEST_M
     _refuse(
         trial, far, [f"{whose} {name}" for name in names], f"is beyond {FARTHEST_M:.0f} m: a glitch, or millimetres?"

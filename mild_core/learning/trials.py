@@ -21,9 +21,9 @@ from mild_core.errors import DatasetError
 from mild_core.fields import Fields
 from mild_core.inference.manifest import ControlledAgent, HumanPlacement, ObservedAgent
 from mild_core.inference.manifest_reading import read_controlled, read_observed, read_placement
-from mild_core.learning.archive import numbers, read_archive
 from mild_core.learning.demonstration import Demonstration
 from mild_core.learning.recording import SPLITS, Demonstrations, Recording
+from mild_core.learning.safe_npz import numbers, read_safe_npz
 from mild_core.learning.windows import protocols
 
 SPDX: tuple[str, ...] = (
@@ -211,7 +211,7 @@ def _whom(controlled: ControlledAgent) -> str:
 def _read(folder: Path) -> Demonstrations:
     """The trials of a folder (see `Recording.read`)."""
     trials = read_trials(folder)
-    arrays = read_archive(folder / ARRAYS, [f"trial_{entry.number}" for entry in trials.trial])
+    arrays = read_safe_npz(folder / ARRAYS, [f"trial_{entry.number}" for entry in trials.trial])
     of = partial(_demonstration, folder, trials, arrays)
     return Demonstrations(*(tuple(of(entry) for entry in trials.trial if entry.split == split) for split in SPLITS))
 

@@ -21,10 +21,7 @@ LEAST_DEVIATION = 1e-4
 """Added to the diagonal of L, so that a posterior never becomes a point."""
 
 
-LEAST_BELIEF = 1e-12
-"""Added to a belief before its logarithm is taken, as `inference.mixing.gate_weights` does."""
-
-RUNNING = ("context", "encoder", "gate", "residual", "decoder")
+RUNNING = ("context", "encoder", "residual", "decoder")
 """The networks that run on the robot, in order; a model may do without some."""
 
 
@@ -151,9 +148,7 @@ class MemberNetworks(nn.Module):
     human's) make the two VAEs whole and are needed for training alone.
     """
 
-    def __init__(
-        self, architecture: Architecture, question: int, answer: int, labels: int, components: int, dropout: float
-    ) -> None:
+    def __init__(self, architecture: Architecture, question: int, answer: int, labels: int, dropout: float) -> None:
         super().__init__()
         self.architecture = architecture
         self.dropout = dropout
@@ -167,9 +162,6 @@ class MemberNetworks(nn.Module):
             else None
         )
         self.encoder = perceptron(width["encoder"], architecture.encoder_hidden, outputs, dropout)
-        self.gate = (
-            perceptron(width["gate"], architecture.gate_hidden, components, dropout) if architecture.gate else None
-        )
         self.residual = (
             perceptron(width["residual"], architecture.residual_hidden, latent, dropout)
             if architecture.residual
@@ -201,10 +193,7 @@ class MemberNetworks(nn.Module):
         return posterior_of(self.counterpart_encoder(window), self.architecture.latent)
 
     def condition(self, known: Mapping[str, Tensor], belief: Tensor, expected: Tensor) -> Tensor:
-        """(..., C) what the components expect (..., K, C), weighed by the belief (..., K) after the gate."""
-        if self.gate is not None:
-            logits: Tensor = self.gate(gather(known, self.architecture.gate))
-            belief = torch.softmax(torch.log(belief + LEAST_BELIEF) + logits, dim=-1)
+        """(..., C) what the components expect (..., K, C), weighed by the belief (..., K)."""
         return (belief[..., None] * expected).sum(-2)
 
     def correct(self, known: Mapping[str, Tensor], conditioned: Tensor) -> Tensor:

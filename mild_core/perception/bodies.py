@@ -7,7 +7,7 @@ uncertainty grows up to what a body part can move against the trunk. A joint bel
 the capsule then covers both its place and the inferred one. A body that is missing from a message stays for a while,
 with a radius that grows.
 
-Bodies are matched by place, as trackers renumber people and swap their numbers (`identity.py`).
+Bodies are matched by place, as trackers renumber people and swap their numbers (`person_tracker.py`).
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from mild_core.compiled import compiled
-from mild_core.perception.gates import FARTHEST_M, usable
-from mild_core.perception.identity import RUNNING_M_S, SAME_NUMBER_BONUS_M, Seen, Trunk, apart_m
+from mild_core.perception.joint_validity import FARTHEST_M, usable
+from mild_core.perception.person_tracker import RUNNING_M_S, SAME_NUMBER_BONUS_M, Detection, Trunk, apart_m
 from mild_core.shapes import FloatArray, read_only
 from mild_core.signals import BODY_PARTS, NO_SEGMENTS, UNKNOWN_DIRECTION, WATCHED_PERSON, BodySegments
 
@@ -211,8 +211,8 @@ class Placing:
 
 def followed(
     before: Bodies,
-    people: Sequence[Seen],
-    watched: Seen | None,
+    people: Sequence[Detection],
+    watched: Detection | None,
     up: FloatArray,
     min_confidence: float,
     reach_m: float,
@@ -333,12 +333,12 @@ def _of_one_kind(values: FloatArray) -> FloatArray:
     return read_only(np.array(values, dtype=np.float64, order="C"))
 
 
-def _has_place(seen: Seen) -> bool:
+def _has_place(seen: Detection) -> bool:
     """Whether any joint of a body is somewhere."""
     return any(seen.trunk_m) or any(usable(point) for point in seen.body.points)
 
 
-def _nearness(seen: Seen) -> float:
+def _nearness(seen: Detection) -> float:
     return min([math.hypot(*place) for place in seen.trunk_m if place is not None], default=math.inf)
 
 
@@ -352,20 +352,20 @@ def _near(one: Trunk, other: Trunk, within_m: float) -> bool:
     return distance is not None and distance < within_m
 
 
-def _middle_stamp(people: Sequence[Seen]) -> int:
+def _middle_stamp(people: Sequence[Detection]) -> int:
     """The stamp of a message: one person whose clock is wrong does not count."""
     stamps = sorted([seen.person.stamp_ns for seen in people])
     return stamps[len(stamps) // 2]
 
 
 def _matched(
-    before: Bodies, people: Sequence[Seen], watched: Seen | None, reach_m: float
-) -> list[tuple[Seen, TrackedBody | None]]:
-    """People and the body that each was: the watched one first, as `identity.py` found them, then the nearest pairs.
+    before: Bodies, people: Sequence[Detection], watched: Detection | None, reach_m: float
+) -> list[tuple[Detection, TrackedBody | None]]:
+    """People and the body that each was: first the one of `person_tracker.py`, then the nearest pairs.
 
     New bodies come last.
     """
-    matched: list[tuple[Seen, TrackedBody | None]] = []
+    matched: list[tuple[Detection, TrackedBody | None]] = []
     body = before.watched_body()
     if watched is not None and body is not None and any(seen is watched for seen in people):
         matched.append((watched, body))

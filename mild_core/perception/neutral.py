@@ -17,7 +17,7 @@ import numpy as np
 
 from mild_core.errors import DataError
 from mild_core.perception.calibration import Calibration
-from mild_core.perception.gates import Body, Point, believed, believed_place, middle, seen_joint
+from mild_core.perception.joint_validity import Body, Point, believed, believed_place, middle, seen_joint
 from mild_core.perception.skeletons.source import Axes
 from mild_core.shapes import FloatArray
 

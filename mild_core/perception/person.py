@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from mild_core.perception.bodies import Placing
-from mild_core.perception.gates import UNSEEN, Body, Point, believed_place, middle
+from mild_core.perception.joint_validity import UNSEEN, Body, Point, believed_place, middle
 from mild_core.shapes import FloatArray
 from mild_core.signals import BodySegments, PersonPose
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
-from mild_core.perception.gates import Body, usable
+from mild_core.perception.joint_validity import Body, usable
 
 FORGOTTEN_NS = 1_000_000_000
 """A body that was not seen for so long is another one when it comes back."""

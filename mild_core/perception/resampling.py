@@ -30,7 +30,7 @@ _RISE, _FALL = 0.05, 0.10
 
 
 @dataclass(frozen=True)
-class Cadence:
+class FrameRateEstimator:
     """How often the tracker sees the person.
 
     Attributes:
@@ -43,16 +43,16 @@ class Cadence:
     interval_ns: float = 0.0
     absent: int = 0
 
-    def after(self, stamp_ns: int) -> tuple[Cadence, int]:
+    def after(self, stamp_ns: int) -> tuple[FrameRateEstimator, int]:
         """The cadence after a frame, and how many messages before it never came, judged from the stamps."""
         interval = stamp_ns - self.stamp_ns
         if 0 < interval < FLOOD_NS:
-            return Cadence(stamp_ns), 0
+            return FrameRateEstimator(stamp_ns), 0
         if self.interval_ns == 0.0:
-            return Cadence(stamp_ns, float(interval)), 0
+            return FrameRateEstimator(stamp_ns, float(interval)), 0
         missed = max(0, round(interval / self.interval_ns) - 1 - self.absent)
         low, high = self.interval_ns * (1.0 - _FALL), self.interval_ns * (1.0 + _RISE)
-        return Cadence(stamp_ns, min(max(interval, low), high)), missed
+        return FrameRateEstimator(stamp_ns, min(max(interval, low), high)), missed
 
     def is_gap(self, interval_ns: int) -> bool:
         """Whether a frame is missing in a span between two usable frames."""

@@ -39,8 +39,7 @@ from mild_core.perception.arm import in_arm_frame
 from mild_core.perception.bodies import NO_BODIES, Bodies, Placing, body_segments, facing_of, followed
 from mild_core.perception.bone_fit import BoneFit, bone_fit
 from mild_core.perception.calibration import Calibration
-from mild_core.perception.gates import Body, Point, believed, bone_lengths, check_bones, check_leaps, fits
-from mild_core.perception.identity import Lock, Seen, find_person, locked_on, seen_person
+from mild_core.perception.joint_validity import Body, Point, believed, bone_lengths, check_bones, check_leaps, fits
 from mild_core.perception.neutral import (
     FULL_SECOND,
     JITTERIEST_M,
@@ -53,8 +52,9 @@ from mild_core.perception.neutral import (
     with_newest,
 )
 from mild_core.perception.person import person_pose
+from mild_core.perception.person_tracker import Detection, PersonTrack, detection_of, find_person, track_from
 from mild_core.perception.repetition import Repetitions, repeated
-from mild_core.perception.resampling import Cadence
+from mild_core.perception.resampling import FrameRateEstimator
 from mild_core.perception.settings import PerceptionSettings
 from mild_core.perception.window import ArmStream, extend, start
 from mild_core.shapes import FloatArray, read_only
@@ -88,8 +88,8 @@ class PerceptionState:
     detail: str = ""
     calibration: Calibration | None = None
     neutral: tuple[NeutralFrame, ...] = ()
-    lock: Lock | None = None
-    cadence: Cadence | None = None
+    lock: PersonTrack | None = None
+    cadence: FrameRateEstimator | None = None
     stream: ArmStream | None = None
     bones: BoneFit | None = None
     repetitions: Repetitions = field(default_factory=dict)
@@ -135,7 +135,7 @@ class Perception:
         if len(known) < len(people):
             events["unplaced"] += len(people) - len(known)
         state = self._rewound(state, known, events)
-        everyone = [seen_person(person) for person in known]
+        everyone = [detection_of(person) for person in known]
         state = self._compared(state, everyone)
         living = [one for one in everyone if not self._frozen(state, one)]
         seen = find_person(state.lock, living, self.settings.reacquire_distance_m)
@@ -175,14 +175,14 @@ class Perception:
             state, events, "accepted", windows=windows, lock=lock, cadence=cadence, stream=stream, person=pose
         )
 
-    def _compared(self, state: PerceptionState, everyone: list[Seen]) -> PerceptionState:
+    def _compared(self, state: PerceptionState, everyone: list[Detection]) -> PerceptionState:
         """The state with this message in what repeats itself."""
         settings = self.settings
         bodies = [one.body for one in everyone]
         found = repeated(state.repetitions, bodies, settings.sided_names, settings.min_confidence)
         return PerceptionState(**{**vars(state), "repetitions": found})
 
-    def _frozen(self, state: PerceptionState, seen: Seen) -> bool:
+    def _frozen(self, state: PerceptionState, seen: Detection) -> bool:
         return state.repetitions[seen.person.person_id].body.lasts(self.settings.frozen_after_ns)
 
     @property
@@ -190,7 +190,12 @@ class Perception:
         return f"equal to the bit for {self.settings.frozen_after_s:g} s and more: it is repeated, not measured"
 
     def _followed(
-        self, state: PerceptionState, everyone: list[Seen], seen: Seen | None, now_ns: int, events: Counter[str]
+        self,
+        state: PerceptionState,
+        everyone: list[Detection],
+        seen: Detection | None,
+        now_ns: int,
+        events: Counter[str],
     ) -> PerceptionState:
         """Everyone in view after this message, whatever becomes of the watched arm."""
         settings = self.settings
@@ -243,17 +248,17 @@ class Perception:
         return replace(state, cadence=state.cadence and replace(state.cadence, absent=state.cadence.absent + 1))
 
     def _locked(
-        self, state: PerceptionState, seen: Seen, now_ns: int, events: Counter[str]
-    ) -> tuple[Lock | None, Cadence | None]:
+        self, state: PerceptionState, seen: Detection, now_ns: int, events: Counter[str]
+    ) -> tuple[PersonTrack | None, FrameRateEstimator | None]:
         """Where the watched person is now, and how often they are seen."""
         person, before = seen.person, state.lock
         if before is None and not any(seen.trunk_m):
             return before, state.cadence  # nothing of this body is visible: wait for one before choosing
         if before is not None and before.person_id != person.person_id:
             events["reacquired"] += 1
-        lock = locked_on(before, seen, now_ns)
+        lock = track_from(before, seen, now_ns)
         if state.cadence is None:
-            return lock, Cadence(person.stamp_ns)
+            return lock, FrameRateEstimator(person.stamp_ns)
         cadence, missed = state.cadence.after(person.stamp_ns)
         if missed:
             events["missed"] += missed
@@ -370,7 +375,7 @@ class Perception:
     def _sampled(
         self,
         stream: ArmStream | None,
-        cadence: Cadence | None,
+        cadence: FrameRateEstimator | None,
         calibration: Calibration,
         stamp_ns: int,
         arm: list[Point],
@@ -398,7 +403,7 @@ def _hole(hole_s: float) -> str:
     return f"trunk or arm was not seen for {hole_s:.1f} s: nothing must hide them, and they need 2 messages a second"
 
 
-def _is_locked(state: PerceptionState, seen: Seen) -> bool:
+def _is_locked(state: PerceptionState, seen: Detection) -> bool:
     return state.lock is not None and state.lock.person_id == seen.person.person_id
 
 

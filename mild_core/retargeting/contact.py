@@ -54,15 +54,15 @@ RELENT = 1.0
 contorts itself for the last of them is late when the person comes nearer."""
 
 TRIED_POSES, SEED = 1000, 7
-"""As far as the hand comes from the shoulder in so many random poses it is sent: further the arm would be straight, and
-a straight arm that is sent further yet trembles."""
+"""Random poses from which the reach is estimated, and their seed. Targets beyond it are pulled in: a fully extended
+arm oscillates."""
 
 SOFT = 0.3
 """Stiffness of the arm while hands touch, of 1 while it reaches."""
 
 
 @dataclass(frozen=True)
-class Touch:
+class ContactState:
     """How far the hands have been brought together.
 
     Attributes:
@@ -110,12 +110,12 @@ class Contact:
         covariance: FloatArray,
         hand_m: FloatArray | None,
         offered: bool,
-        before: Touch | None,
+        before: ContactState | None,
         here_rad: FloatArray,
         elapsed_s: float,
         *,
         waits: bool = False,
-    ) -> tuple[FloatArray, Touch | None]:
+    ) -> tuple[FloatArray, ContactState | None]:
         """Where the joints shall be.
 
         Args:
@@ -158,7 +158,7 @@ class Contact:
             gap = np.zeros(3) if before is None else np.array(before.gap_m)
         start = posture if before is None else np.array(before.joints_rad)
         joints = self._solver.step(start, [Reach(self.robot.tool_link, self._within(tool + share * gap))], posture)
-        return joints, Touch(share, tuple(joints.tolist()), tuple(gap.tolist()), apart, withdrawn)
+        return joints, ContactState(share, tuple(joints.tolist()), tuple(gap.tolist()), apart, withdrawn)
 
     def _nearness(self, tool_m: FloatArray, hand_m: FloatArray) -> float:
         """The share that the distance allows, from 0 to 1; without learned motion, the one that reach allows."""
@@ -200,7 +200,7 @@ def shoulder_and_reach_m(robot: RobotModel) -> tuple[FloatArray, float]:
     return shoulder_m, max(math.dist(shoulder_m, chain.tool(pose)) for pose in tried)
 
 
-def stiffness(touch: Touch | None) -> float:
+def stiffness(touch: ContactState | None) -> float:
     """How hard the arm shall hold its position: 1 while it moves by itself, `SOFT` while hands touch."""
     if touch is None:
         return 1.0

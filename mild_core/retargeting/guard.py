@@ -67,7 +67,7 @@ PACE, SLOWING_S = 0.85, 0.15
 long for: a robot that lags behind them, and a person who comes nearer, shall find it slow enough."""
 
 
-class View(NamedTuple):
+class PoseEvaluation(NamedTuple):
     """What is seen of K poses among S segments; see `evaluate_poses`."""
 
     own_m: FloatArray
@@ -123,7 +123,7 @@ class Guard:
         jerk_rad_s3 = turns * self.robot.jerk_rad_s3[chain.columns.astype(int)]
         object.__setattr__(self, "_jerk_m_s3", float(reaches_m @ jerk_rad_s3))
 
-    def view(
+    def evaluate_poses(
         self,
         times_s: FloatArray,
         positions_rad: FloatArray,
@@ -132,7 +132,7 @@ class Guard:
         beyond_m: float,
         itself: bool = True,
         around: bool = False,
-    ) -> View:
+    ) -> PoseEvaluation:
         """What is seen of K poses (K, J) of a path that move at (K, J), K times after now.
 
         Args:
@@ -154,17 +154,19 @@ class Guard:
             *(widest_m + 2.0 * beyond_m, among.zones_m + beyond_m, APART_M if itself else math.inf),
             self.settings.near_speed_m_s if around else math.inf,
         )
-        return View(own, *others)
+        return PoseEvaluation(own, *others)
 
     def own_clearance_m(self, positions_rad: FloatArray) -> FloatArray:
         """(K,) clearance of the robot to itself, beyond what is kept, at poses (K, J) [m]."""
         still = np.zeros((1, len(self.robot.joint_names)))
-        return np.array([self.view(np.zeros(1), pose[None], still, NO_ONE, 0.0).own_m[0] for pose in positions_rad])
+        return np.array(
+            [self.evaluate_poses(np.zeros(1), pose[None], still, NO_ONE, 0.0).own_m[0] for pose in positions_rad]
+        )
 
-    def here(self, motion: JointMotion, among: Obstacles) -> View:
+    def here(self, motion: JointMotion, among: Obstacles) -> PoseEvaluation:
         """What is seen of the robot where it is."""
         position, velocity = np.array([motion.position_rad]), np.array([motion.velocity_rad_s])
-        return self.view(np.zeros(1), position, velocity, among, UNPACED_M, itself=False)
+        return self.evaluate_poses(np.zeros(1), position, velocity, among, UNPACED_M, itself=False)
 
     def check_motion(
         self,
@@ -172,7 +174,7 @@ class Guard:
         now: JointMotion,
         then: JointMotion,
         elapsed_s: float,
-        here: View,
+        here: PoseEvaluation,
         among: Obstacles,
         giving_way: bool = False,
     ) -> Verdict:
@@ -231,7 +233,7 @@ class Guard:
         beyond_m: float,
         giving_way: bool,
     ) -> FloatArray:
-        seen = self.view(times_s, positions_rad, velocities_rad_s, among, beyond_m, around=not giving_way)
+        seen = self.evaluate_poses(times_s, positions_rad, velocities_rad_s, among, beyond_m, around=not giving_way)
         limits = self.settings.near_speed_m_s, self._jerk_m_s3, LEAST_M_S if giving_way else 0.0
         return path_bounds(times_s, *seen, among.speeds_m_s, among.zones_m, *limits)
 
@@ -266,7 +268,13 @@ class Guard:
         )
 
     def limit_speed(
-        self, from_rad: FloatArray, to_rad: FloatArray, here: View, among: Obstacles, crowded: bool, elapsed_s: float
+        self,
+        from_rad: FloatArray,
+        to_rad: FloatArray,
+        here: PoseEvaluation,
+        among: Obstacles,
+        crowded: bool,
+        elapsed_s: float,
     ) -> FloatArray:
         """(J,) as far from one target towards the next as the arm may go near people, so that nothing is refused.
 
@@ -281,7 +289,7 @@ class Guard:
         outside_m = (here.clear_m[0] - among.zones_m).min(initial=math.inf)
         if elapsed_s <= 0.0 or (outside_m > UNPACED_M and not crowded):
             return to_rad
-        there = self.view(
+        there = self.evaluate_poses(
             np.zeros(1), from_rad[None], ((to_rad - from_rad) / elapsed_s)[None], among, UNPACED_M, itself=False
         )
         beyond_m = np.maximum(np.minimum(here.clear_m[0], there.clear_m[0]) - among.zones_m, 0.0)
@@ -307,7 +315,7 @@ class Guard:
 
     def arm_speed(self, position_rad: FloatArray, velocity_rad_s: FloatArray, among: Obstacles) -> float:
         """Greatest speed of a point of the arm [m/s]."""
-        seen = self.view(np.zeros(1), position_rad[None], velocity_rad_s[None], among, 0.0, itself=False)
+        seen = self.evaluate_poses(np.zeros(1), position_rad[None], velocity_rad_s[None], among, 0.0, itself=False)
         return float(seen.speed_m_s[0])
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from mild_core.retargeting.chain import nearest_points
-from mild_core.retargeting.person import Point, Standing
+from mild_core.retargeting.human_track import AssumedPlacement, Point
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.shapes import FloatArray, read_only
 from mild_core.signals import ARM_FRAME, NO_SEGMENTS, WATCHED_PERSON, BodySegments, PersonPose
@@ -119,7 +119,7 @@ NO_ONE = Obstacles((), (), np.zeros((0, 2, 3)), np.zeros((0, 2, 3)), np.zeros(0)
 def obstacles_of(
     crowd: Crowd | None,
     settings: RetargetingSettings,
-    standing: Standing | None,
+    standing: AssumedPlacement | None,
     place_m: Point | None,
     hand_m: FloatArray,
     now_ns: int,
@@ -176,7 +176,7 @@ def obstacles_of(
     )
 
 
-def _at_places(segments: BodySegments, standing: Standing, places_m: Sequence[Point]) -> BodySegments:
+def _at_places(segments: BodySegments, standing: AssumedPlacement, places_m: Sequence[Point]) -> BodySegments:
     """Segments relative to a person, at each of the places where that person may stand, in the base frame."""
     ends = [standing.placed(segments.ends_m, ARM_FRAME, place) for place in places_m]
     velocities = standing.placed(segments.velocities_m_s, ARM_FRAME, (0.0, 0.0, 0.0))

@@ -25,19 +25,19 @@ import numpy as np
 from mild_core.joint_measurements import JointMerger
 from mild_core.retargeting.arm_following import ArmFollower, arm_follower
 from mild_core.retargeting.contact import Contact, stiffness
-from mild_core.retargeting.guard import TOO_FAST, Guard, Verdict, View
-from mild_core.retargeting.life import person_present, situation, with_rest, with_start
+from mild_core.retargeting.guard import TOO_FAST, Guard, PoseEvaluation, Verdict
+from mild_core.retargeting.human_track import LOST_S, SHIFT_M_S, AssumedPlacement
+from mild_core.retargeting.input_handlers import joint_merger, take_measurement, take_motion, take_person, take_request
 from mild_core.retargeting.limiter import JointMotion, Joints, Limiter, NoPlanError
+from mild_core.retargeting.mode_inputs import person_present, situation, with_rest, with_start
 from mild_core.retargeting.modes import Mode, next_mode
 from mild_core.retargeting.obstacles import NO_ONE, Obstacles, obstacles_of
-from mild_core.retargeting.person import LOST_S, SHIFT_M_S, Standing
-from mild_core.retargeting.reception import joint_merger, take_measurement, take_motion, take_person, take_request
 from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.retargeting.state import PAUSED_S, Request, RetargetingState
-from mild_core.retargeting.target import Plan, Pursuit
+from mild_core.retargeting.target import Plan, RampIn
+from mild_core.retargeting.timeouts import after_gap, after_time_jump, known, with_robot_timeout
 from mild_core.retargeting.trajectory_stream import STAND_S, TrajectoryStream, limits_between_points, resumed
-from mild_core.retargeting.watchdog import after_gap, after_time_jump, known, with_ear
 from mild_core.retargeting.yielding import Yielding
 from mild_core.shapes import FloatArray, read_only
 from mild_core.signals import (
@@ -104,7 +104,7 @@ class Retargeting:
 
     robot: RobotModel
     settings: RetargetingSettings = field(default_factory=RetargetingSettings)
-    standing: Standing | None = None
+    standing: AssumedPlacement | None = None
     camera_measured: bool | None = None
     _limiter: Limiter = field(init=False, repr=False)
     _slow: Limiter = field(init=False, repr=False)
@@ -195,7 +195,7 @@ class Retargeting:
         among = self._obstacles(state, now_ns)
         here = self._guard.here(motion, among)
         state = self._with_people(replace(state, near_m=here.near_m), among, here, now_ns)
-        state = with_ear(with_rest(state, self.settings, now_ns), self.settings, now_ns)
+        state = with_robot_timeout(with_rest(state, self.settings, now_ns), self.settings, now_ns)
         state = with_start(state, self.settings, self._guard.chain.offsets[0][:3, 3], now_ns)
         state = self._in_next_mode(state, motion, now_ns)
         stands_ns = round(STAND_S * 1e9) if self.settings.execution_delay_s else 0
@@ -250,7 +250,9 @@ class Retargeting:
             return f"no contact: {UNKNOWN_BODY}"
         return ASSUMED if unmeasured else ""
 
-    def _with_people(self, state: RetargetingState, among: Obstacles, here: View, now_ns: int) -> RetargetingState:
+    def _with_people(
+        self, state: RetargetingState, among: Obstacles, here: PoseEvaluation, now_ns: int
+    ) -> RetargetingState:
         """The state that knows what an operator should know of people: why no hands meet, and who is in the way."""
         no_contact = self._no_contact(state, now_ns)
         crowded = False
@@ -276,7 +278,7 @@ class Retargeting:
         state: RetargetingState,
         motion: JointMotion,
         among: Obstacles,
-        here: View,
+        here: PoseEvaluation,
         now_ns: int,
         elapsed_s: float,
     ) -> tuple[RetargetingState, JointMotion]:
@@ -347,7 +349,7 @@ class Retargeting:
         motion: JointMotion,
         wanted: JointMotion,
         among: Obstacles,
-        here: View,
+        here: PoseEvaluation,
         elapsed_s: float,
         giving_way: bool,
     ) -> tuple[JointMotion, Verdict]:
@@ -384,7 +386,7 @@ class Retargeting:
         plan: Plan,
         motion: JointMotion,
         among: Obstacles,
-        here: View,
+        here: PoseEvaluation,
         now_ns: int,
         elapsed_s: float,
     ) -> tuple[RetargetingState, Joints]:
@@ -407,7 +409,7 @@ class Retargeting:
             here_rad = np.array(motion.position_rad)
             aimed, touch = contact.aim(aimed, *given, here_rad, elapsed_s, waits=waits)
             aimed = np.minimum(np.maximum(aimed, self._lower), self._upper)
-        pursuit = state.pursuit or Pursuit.onto(aimed, self._limiter.resting_place(motion))
+        pursuit = state.pursuit or RampIn.onto(aimed, self._limiter.resting_place(motion))
         hurry = 0.0 if touch is None or plan.gentle else touch.share * self._guard.nearness(state.near_m)
         ramp_rad_s = self.settings.ramp_velocity_rad_s * (GENTLE if plan.gentle else 1.0)
         pursuit, target = pursuit.nearer(aimed, ramp_rad_s, hurry, elapsed_s)

@@ -17,8 +17,8 @@ from typing import NamedTuple
 import numpy as np
 
 from mild_core.retargeting.chain import nearest_points
+from mild_core.retargeting.human_track import HumanTrack
 from mild_core.retargeting.obstacles import Crowd
-from mild_core.retargeting.person import Sight
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.shapes import FloatArray
 from mild_core.signals import ROBOT_FRAME, UNKNOWN_DIRECTION, WATCHED_PERSON
@@ -85,7 +85,7 @@ class Around(NamedTuple):
     own: dict[str, FloatArray]
 
 
-def way_of(sight: Sight, crowd: Crowd | None) -> Way:
+def way_of(sight: HumanTrack, crowd: Crowd | None) -> Way:
     """Where the hand goes.
 
     Args:
@@ -104,7 +104,7 @@ def way_of(sight: Sight, crowd: Crowd | None) -> Way:
 
 
 def start_refusal(
-    sight: Sight,
+    sight: HumanTrack,
     crowd: Crowd | None,
     evidence: float,
     named: bool,
@@ -136,7 +136,7 @@ def start_refusal(
     return WATCHED if (now_ns - sight.raised_ns) * 1e-9 < settings.start_watch_s else ""
 
 
-def _stands_facing(sight: Sight, crowd: Crowd | None) -> bool:
+def _stands_facing(sight: HumanTrack, crowd: Crowd | None) -> bool:
     """Whether the watched person is seen to stand, and which way they face, so that this was judged."""
     if sight.frame_id != ROBOT_FRAME or crowd is None or not np.isfinite(crowd.facing).all():
         return False
@@ -146,7 +146,7 @@ def _stands_facing(sight: Sight, crowd: Crowd | None) -> bool:
     return bool(trunks) and float(np.linalg.norm(trunks[0].mean(axis=0))) < WALKS_M_S
 
 
-def _around(sight: Sight, crowd: Crowd | None) -> Around:
+def _around(sight: HumanTrack, crowd: Crowd | None) -> Around:
     own: dict[str, FloatArray] = {}
     if crowd is not None and crowd.frame_id == sight.frame_id:
         segments = crowd.segments
@@ -157,7 +157,7 @@ def _around(sight: Sight, crowd: Crowd | None) -> Around:
     return Around(np.array([1.0, 0.0, 0.0]), own)  # the arm frame's x axis: where they faced at calibration
 
 
-def _middle(own: dict[str, FloatArray], sight: Sight) -> FloatArray:
+def _middle(own: dict[str, FloatArray], sight: HumanTrack) -> FloatArray:
     """(3,) the middle of the trunk, or where the hand rests."""
     middle: FloatArray = own["trunk"].mean(axis=0) if "trunk" in own else sight.rest_m
     return middle

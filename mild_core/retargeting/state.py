@@ -9,12 +9,12 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from mild_core.joint_measurements import JointTracks
-from mild_core.retargeting.contact import Touch
+from mild_core.retargeting.contact import ContactState
+from mild_core.retargeting.human_track import HumanTrack, Point, seen_again
 from mild_core.retargeting.limiter import JointMotion, Joints
 from mild_core.retargeting.modes import Mode
 from mild_core.retargeting.obstacles import Crowd
-from mild_core.retargeting.person import Point, Sight, seen_again
-from mild_core.retargeting.target import Plan, Pursuit
+from mild_core.retargeting.target import Plan, RampIn
 from mild_core.signals import PersonPose
 
 PAUSED_S = 1.0
@@ -90,7 +90,7 @@ class RetargetingState:
     plan: Plan | None = None
     had_plan: bool = False
     unnamed: bool = False
-    pursuit: Pursuit | None = None
+    pursuit: RampIn | None = None
     unknown_since_ns: int | None = None
     holding_since_ns: int = 0
     joints: JointTracks = field(default_factory=JointTracks)
@@ -102,13 +102,13 @@ class RetargetingState:
     displaced: bool = False
     person: PersonPose | None = None
     person_ns: int = 0
-    sight: Sight | None = None
+    sight: HumanTrack | None = None
     crowd: Crowd | None = None
     evidence: float = 0.0
     evidence_ns: int | None = None
     doubt: str = ""
     start_refusal: str = ""
-    touch: Touch | None = None
+    touch: ContactState | None = None
     place_m: Point | None = None
     near_m: float = math.inf
     no_contact: str = ""

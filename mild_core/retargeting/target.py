@@ -95,7 +95,7 @@ HURRY = 3.0
 
 
 @dataclass(frozen=True)
-class Pursuit:
+class RampIn:
     """A smooth way onto a plan from where the robot stands, or to where it was held back.
 
     Attributes:
@@ -109,13 +109,13 @@ class Pursuit:
     speed_rad_s: float = 0.0
 
     @staticmethod
-    def onto(aimed_rad: FloatArray, from_rad: Joints) -> Pursuit:
+    def onto(aimed_rad: FloatArray, from_rad: Joints) -> RampIn:
         """The beginning of the way from `from_rad` onto a plan that is now at `aimed_rad` (J,)."""
-        return Pursuit(from_rad, tuple((np.array(from_rad) - aimed_rad).tolist()))
+        return RampIn(from_rad, tuple((np.array(from_rad) - aimed_rad).tolist()))
 
     def nearer(
         self, aimed_rad: FloatArray, peak_rad_s: float, hurry: float, elapsed_s: float
-    ) -> tuple[Pursuit, FloatArray]:
+    ) -> tuple[RampIn, FloatArray]:
         """With its next speed, and the next target (J,): the plan, less what is left to catch up with.
 
         Args:
@@ -132,11 +132,11 @@ class Pursuit:
         left = max(0.0, 1.0 - speed * elapsed_s / far) if far > 0.0 else 0.0
         return replace(self, speed_rad_s=speed), aimed_rad + left * behind
 
-    def at(self, target_rad: FloatArray, aimed_rad: FloatArray) -> Pursuit:
+    def at(self, target_rad: FloatArray, aimed_rad: FloatArray) -> RampIn:
         """With the target that was taken."""
         return replace(self, target_rad=tuple(target_rad.tolist()), behind_rad=tuple((target_rad - aimed_rad).tolist()))
 
-    def held(self, at_rad: Joints, free: Sequence[bool]) -> Pursuit:
+    def held(self, at_rad: Joints, free: Sequence[bool]) -> RampIn:
         """Of an arm whose joints were held back at `at_rad`, but for the free ones: those set off from there again."""
         each = zip(free, self.target_rad, self.behind_rad, at_rad, strict=True)
         kept = [(to, behind) if goes else (at, at - to + behind) for goes, to, behind, at in each]

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from mild_core.retargeting.guard import PACE, Guard, View
+from mild_core.retargeting.guard import PACE, Guard, PoseEvaluation
 from mild_core.retargeting.inverse_kinematics import VelocityProgram
 from mild_core.retargeting.limiter import Joints
 from mild_core.retargeting.obstacles import Obstacles
@@ -59,7 +59,9 @@ class Yielding:
     guard: Guard
     _program: VelocityProgram = field(default_factory=VelocityProgram, init=False, repr=False)
 
-    def retreat(self, position_rad: Joints, resting_rad: Joints, here: View, among: Obstacles) -> Joints | None:
+    def retreat(
+        self, position_rad: Joints, resting_rad: Joints, here: PoseEvaluation, among: Obstacles
+    ) -> Joints | None:
         """J velocities [rad/s] with which the arm gives way; None when it need not.
 
         Args:
@@ -88,7 +90,7 @@ class Yielding:
         share = min(1.0, most / max(self.guard.arm_speed(np.array(position_rad), velocity, among), 1e-9))
         return tuple((share * velocity).tolist())
 
-    def _is_pressed(self, here: View, among: Obstacles) -> bool:
+    def _is_pressed(self, here: PoseEvaluation, among: Obstacles) -> bool:
         """Whether a person is so close, or comes so fast, that the arm may have to give way."""
         if not len(among.people):
             return False

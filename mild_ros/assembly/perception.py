@@ -11,7 +11,7 @@ from mild_core.errors import SetupError
 from mild_core.inference.manifest import Manifest
 from mild_core.inference.manifest_reading import read_manifest
 from mild_core.perception.bodies import compile_kernels
-from mild_core.perception.gates import places_of
+from mild_core.perception.joint_validity import places_of
 from mild_core.perception.skeletons import SkeletonSource
 from mild_core.perception.skeletons.source import Axes
 from mild_core.perception.stage import Perception

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from mild_core.inference.manifest import Manifest
+from mild_core.retargeting.human_track import AssumedPlacement
 from mild_core.retargeting.kinematics import forward_kinematics
-from mild_core.retargeting.person import Standing
 from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.retargeting.stage import Retargeting
@@ -62,12 +62,12 @@ def make_retargeting(
         start_enabled=parameters.enabled,
     )
     there = manifest.robot_from_human
-    standing = Standing(there.translation_m, there.yaw_rad, there.by_interaction)
+    standing = AssumedPlacement(there.translation_m, there.yaw_rad, there.by_interaction)
     _compile(robot, settings, standing, manifest.controlled.kind == "human_arm")
     return Retargeting(robot, settings, standing, camera_measured)
 
 
-def _compile(robot: RobotModel, settings: RetargetingSettings, standing: Standing, arms: bool) -> None:
+def _compile(robot: RobotModel, settings: RetargetingSettings, standing: AssumedPlacement, arms: bool) -> None:
     """Run once all that is compiled at its first call: a hand that is met at once, then a head that is given way to."""
     eager = replace(
         settings, allow_unmeasured_contact=True, start_watch_s=0.0, start_evidence=0.0, placement_uncertainty_m=0.0

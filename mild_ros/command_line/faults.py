@@ -25,7 +25,7 @@ def faults(
         "out/faults"
     ),
 ) -> None:
-    """Does to real nodes all that may go wrong around them, and judges what the robot does.
+    """Injects faults around real nodes and checks the commands.
 
     Trackers that stop, stutter, flood, send NaN or another person, clocks that jump, a robot that falls silent or is
     pushed, processes that are killed: each for a second or two, one after the other, without a restart in between.

@@ -25,7 +25,7 @@ def run_time_as_data(rows: Sequence[Row]) -> dict[str, Any]:
 
 
 def _data(run_time: RunTime) -> dict[str, Any]:
-    from mild_core.learning.calibration import LEVELS
+    from mild_core.learning.uncertainty_calibration import LEVELS
 
     calibrations = run_time.calibrations
 
@@ -51,7 +51,7 @@ def _data(run_time: RunTime) -> dict[str, Any]:
 
 def run_time_cells(found: Mapping[str, Any], titles: Mapping[str, str]) -> list[list[str]]:
     """Header and a line per method: recognition, and how much the 90 % regions hold, jointly / one value at a time."""
-    from mild_core.learning.calibration import REGION
+    from mild_core.learning.uncertainty_calibration import REGION
 
     lines: list[list[str]] = []
     for method, one in found.items():

@@ -135,10 +135,10 @@ def _learned(
     trials: tuple[Demonstration, ...], asked: Configuration, recording: Recording, out: Path
 ) -> tuple[TrainedModel, Checkpoint]:
     """The interactions that the trials show, learned from the beginning or from where it was interrupted."""
-    from mild_core.learning.carry_over import start_of
     from mild_core.learning.checkpoint import FOLDER, Checkpoint, identity
-    from mild_core.learning.stopping import lengths
+    from mild_core.learning.epoch_search import lengths
     from mild_core.learning.training import train as train_model
+    from mild_core.learning.transfer import start_of
 
     protocol, settings, start = recording.protocols[asked.protocol], asked.settings, start_of(asked)
     checkpoint = Checkpoint(out / FOLDER, identity(trials, protocol, settings, asked.seed, start))
@@ -344,8 +344,8 @@ def _about(trained: TrainedModel, asked: Configuration, recording: Recording, tr
 
 def _placement(recording: Recording, trials: tuple[Demonstration, ...]) -> HumanPlacement:
     """Where the person stood: as the recording says, or fitted to where hands meet; else the default."""
-    from mild_core.learning.contact import fit_contact
     from mild_core.learning.export import ORIGIN
+    from mild_core.learning.place_fit import fit_contact
     from mild_core.retargeting.robots import ROBOTS
 
     shown = {trial.interaction for trial in trials}

@@ -146,7 +146,7 @@ def _placement(
     Raises:
         SetupError: There is no trial in which hands meet, or `robot_from_camera` is no pose.
     """
-    from mild_core.learning.contact import fit_contact
+    from mild_core.learning.place_fit import fit_contact
 
     pose = robot_from_camera(settings.person.robot_from_camera)
     if pose is not None:

@@ -64,7 +64,9 @@ class CutParameters:
     near_m: float = parameter(
         0.15, "It rests when this near to its place of rest too.", unit="m", minimum=0.01, maximum=1.0
     )
-    rest_s: float = parameter(0.5, "Shorter rests divide nothing.", unit="s", minimum=0.1, maximum=60.0)
+    rest_s: float = parameter(
+        0.5, "Rests shorter than this do not split a recording.", unit="s", minimum=0.1, maximum=60.0
+    )
     margin_s: float = parameter(
         1.0, "Rest around a movement that belongs to the trial.", unit="s", minimum=0.0, maximum=60.0
     )

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mild_core.retargeting.kept_limits import broken_limits
+from mild_core.retargeting.limit_check import exceeded_limits
 from mild_core.retargeting.robot import RobotModel
 
 LONGEST_GAP_NS = 300_000_000
@@ -45,7 +45,7 @@ def problems(robot: RobotModel, commands: Sequence[Command]) -> list[str]:
         if positions.shape != (len(run), len(robot.joint_names)) or velocities.shape != positions.shape:
             found.append("a command does not have one position and one velocity for each joint")
             continue
-        found += broken_limits(robot, stamps_ns, positions, velocities)
+        found += exceeded_limits(robot, stamps_ns, positions, velocities)
     for before, after in pairwise(commands):
         if _restarts(before, after):
             found += _jump(robot, before, after)

@@ -32,7 +32,7 @@ BYSTANDER = 7
 """The tracker's number for another person."""
 
 
-class Human:
+class SimulatedPerson:
     """Stands still, raises the hand, and shakes hands without end.
 
     Args:

@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from mild_core.shapes import FloatArray
+from mild_ros.faults.fault_bench import ROBOT, FaultBench
 from mild_ros.faults.judge import Command, problems
-from mild_ros.faults.live_room import LiveRoom
-from mild_ros.faults.replayed_room import ReplayedRoom
-from mild_ros.faults.room import ROBOT, Room
+from mild_ros.faults.live_fault_bench import LiveFaultBench
+from mild_ros.faults.replayed_fault_bench import ReplayFaultBench
 from mild_ros.faults.table import Answer, Fault
 from mild_ros.processes import Nodes, private_domain
 
@@ -85,13 +85,13 @@ class Outcome:
 
 
 @contextmanager
-def running_room(live: bool, log_folder: Path, domain: int) -> Iterator[Room]:
+def running_room(live: bool, log_folder: Path, domain: int) -> Iterator[FaultBench]:
     """A room whose robot follows its person.
 
     Raises:
         SetupError: The nodes do not start.
     """
-    with Nodes(domain, log_folder) as nodes, (LiveRoom if live else ReplayedRoom)(nodes, domain) as room:
+    with Nodes(domain, log_folder) as nodes, (LiveFaultBench if live else ReplayFaultBench)(nodes, domain) as room:
         room.begin()
         room.read_reports()
         yield room
@@ -110,7 +110,7 @@ def all_tried(faults: Sequence[Fault], log_folder: Path) -> Iterator[Outcome]:
                 yield from (tried(room, fault) for fault in of_room)
 
 
-def tried(room: Room, fault: Fault) -> Outcome:
+def tried(room: FaultBench, fault: Fault) -> Outcome:
     """Let a fault happen to a robot that follows, and wait until all is well again.
 
     What a machine made of it that gave this process no time is another fault than was meant: then it happens again,
@@ -125,7 +125,7 @@ def tried(room: Room, fault: Fault) -> Outcome:
     return outcome
 
 
-def _tried(room: Room, fault: Fault) -> Outcome:
+def _tried(room: FaultBench, fault: Fault) -> Outcome:
     if not _recovers(room, lambda: room.follows):
         return Outcome(fault, (), ("the robot did not follow before it",))
     first, before = len(room.commands), room.counts()
@@ -154,7 +154,7 @@ def _tried(room: Room, fault: Fault) -> Outcome:
     return Outcome(fault, broken, tuple(missed), rest_s, recovery_s, counted, others, len(commands))
 
 
-def _recovers(room: Room, happened: Callable[[], bool]) -> bool:
+def _recovers(room: FaultBench, happened: Callable[[], bool]) -> bool:
     """Whether the robot follows again: at once, or when the person lowers the hand and raises it once more."""
     if room.until(happened, AT_ONCE_S):
         return True

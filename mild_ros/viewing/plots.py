@@ -122,8 +122,8 @@ def _belief(axes: Axes, run: RecordedRun, figure: object) -> None:
 def _phase(axes: Axes, run: RecordedRun) -> None:
     times = run.seconds([motion.stamp_ns for motion in run.motions])
     axes.plot(times, [motion.phase for motion in run.motions], color=BLUE, lw=LINE_WIDTH, label="phase")
-    strangeness = [min(motion.out_of_distribution, 2.0) for motion in run.motions]
-    axes.plot(times, strangeness, color=ORANGE, lw=LINE_WIDTH, label="out of distribution (above 1: unknown)")
+    ood_score = [min(motion.out_of_distribution, 2.0) for motion in run.motions]
+    axes.plot(times, ood_score, color=ORANGE, lw=LINE_WIDTH, label="out of distribution (above 1: unknown)")
     axes.axhline(1.0, color=GREY, lw=0.8)
     axes.set_ylim(0.0, 2.05)
     axes.set_title("phase of the interaction, and how strange the motion is", loc="left", fontsize=10, color=INK)

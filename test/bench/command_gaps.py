@@ -38,8 +38,8 @@ from visualization_msgs.msg import MarkerArray
 
 from mild_core.signals import JointMeasurement
 from mild_ros.faults.encoded_people import EncodedPeople
-from mild_ros.faults.people import Human
-from mild_ros.faults.room import ROBOT, Room
+from mild_ros.faults.fault_bench import ROBOT, FaultBench
+from mild_ros.faults.people import SimulatedPerson
 from mild_ros.messages.joint_state import joint_measurement_to_msg
 from mild_ros.processes import Nodes, private_domain
 from mild_ros.quality_of_service import STATE
@@ -65,7 +65,7 @@ ALLOWED_MS, LONGEST_MS, SHARE = 20.0, 50.0, 0.999
 """What issue 12 asks for: this share of the gaps is at most `ALLOWED_MS`, none is above `LONGEST_MS`."""
 
 
-class GapRoom(Room):
+class GapRoom(FaultBench):
     """A person and a robot that obeys at once."""
 
     def __init__(self, nodes: Nodes, domain: int, names: Sequence[str]) -> None:
@@ -261,7 +261,7 @@ def flood(topic: str, start_ns: int, rate_hz: float) -> None:
     for name in () if topic == "skeleton" else names if topic == "motion" else (source,):
         kind = KINDS[topic if name == source else name]
         node.create_subscription(kind, name, lambda data, name=name: newest.__setitem__(name, data), quality, raw=True)
-    human, encoded = Human(), EncodedPeople()
+    human, encoded = SimulatedPerson(), EncodedPeople()
     human.seen(start_ns)
     executor = SingleThreadedExecutor()
     executor.add_node(node)

@@ -16,13 +16,13 @@ from pathlib import Path
 
 import numpy as np
 
-from mild_core.learning.contact import hand_of, touching
 from mild_core.learning.datasets.buetepage_hr import BUETEPAGE_HR
+from mild_core.learning.place_fit import hand_of, touching
 from mild_core.perception.stage import Perception
 from mild_core.pipeline import Pipeline
 from mild_core.retargeting.chain import chain_of
+from mild_core.retargeting.human_track import AssumedPlacement, Point
 from mild_core.retargeting.inverse_kinematics import InverseKinematics, Reach
-from mild_core.retargeting.person import Point, Standing
 from mild_core.retargeting.robots import ROBOTS
 from mild_core.retargeting.stage import Retargeting
 from mild_core.shapes import FloatArray
@@ -78,7 +78,7 @@ class Episode:
         return float(np.rad2deg(np.abs(here - there)[:first].max()))
 
 
-def _robot_from_camera(standing: Standing, place_m: Point) -> FloatArray:
+def _robot_from_camera(standing: AssumedPlacement, place_m: Point) -> FloatArray:
     """(4, 4) the camera's pose in the robot's base frame, for a person who stands there."""
     axes = standing.placed(np.vstack([np.eye(3), np.zeros(3)]), ARM_FRAME, place_m)
     robot_from_arm = np.eye(4)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """How much processor time learning takes, beside the same in plain torch loops: `./mild measure em_iteration`.
 
-One iteration of expectation maximisation at METHOD's size: 38 demonstrations of 600 frames, a 10-D latent, 10
+One iteration of expectation maximisation of realistic size: 38 demonstrations of 600 frames, a 10-D latent, 10
 components, durations up to 100 frames. With `--epoch` also an epoch of one network of the live model; with `--training`
 that whole model, all networks of one seed, from all trials.
 """

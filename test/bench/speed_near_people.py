@@ -33,7 +33,7 @@ import pinocchio  # type: ignore[import-untyped]
 
 from mild_core.compiled import compiled
 from mild_core.errors import SetupError
-from mild_core.retargeting.person import Standing
+from mild_core.retargeting.human_track import AssumedPlacement
 from mild_core.retargeting.robots.yumi import YUMI
 from mild_core.retargeting.stage import Retargeting, RetargetingSettings
 from mild_core.retargeting.urdf import read_solids
@@ -60,7 +60,7 @@ turns so slowly."""
 CLEAR_M = 0.07
 """A person who is closer at first may stay so."""
 
-TOUCHES = Standing((0.9, 0.1, 0.7), np.pi, {"handshake": (0.9, 0.1, 0.7), "rocket": (0.9, 0.0, 0.8)})
+TOUCHES = AssumedPlacement((0.9, 0.1, 0.7), np.pi, {"handshake": (0.9, 0.1, 0.7), "rocket": (0.9, 0.0, 0.8)})
 UP = np.array([0.0, 0.0, 1.0])
 TO_ROBOT = np.array([-1.0, 0.0, 0.0])
 

@@ -212,7 +212,7 @@ def init(**given):
     os.write(1, b"[RTPS_TRANSPORT_SHM Error] Failed init_port fastrtps_port7413: open_and_lock_file failed")
     real(**given)
 rclpy.init = init
-from mild_ros.hearing import main
+from mild_ros.discovery_probe import main
 main(sys.argv[3:])
 """
 

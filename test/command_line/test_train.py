@@ -102,7 +102,7 @@ def test_a_folder_without_measured_errors_says_so(data, tmp_path):
     [(0.99, 2, "levelled off, of at most 4"), (-10.0, 4, "the most allowed: not levelled off")],
 )
 def test_a_card_says_whether_the_error_levelled_off(tmp_path, monkeypatch, capsys, least_gain, epochs, why):
-    monkeypatch.setattr("mild_core.learning.stopping.LEAST_GAIN", least_gain)
+    monkeypatch.setattr("mild_core.learning.epoch_search.LEAST_GAIN", least_gain)
     tracks = [smooth_track(index, 320 + index) for index in range(6)]
     path = write(tmp_path / "a.npz", tracks, [one_hot(index // 3, 320 + index) for index in range(6)])
     (tmp_path / "mine.toml").write_text(MINE)

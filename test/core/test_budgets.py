@@ -160,7 +160,7 @@ PROGRAM = """
 import resource, sys
 from pathlib import Path
 from mild_core.errors import SetupError
-from mild_core.learning.archive import read_archive
+from mild_core.learning.safe_npz import read_archive
 from mild_core.retargeting.robot_file import read_robot
 kind, file, memory = sys.argv[1:]
 have = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()

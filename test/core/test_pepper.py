@@ -29,10 +29,12 @@ def by(x: float, y: float, z: float) -> NDArray[np.float64]:
     return moved
 
 
-def wrist_by_hand(pitch: float, roll: float, yaw: float, bend: float, turn: float, side: float) -> NDArray[np.float64]:
+def wrist_by_hand(
+    pitch: float, roll: float, yaw: float, augment: float, turn: float, side: float
+) -> NDArray[np.float64]:
     """The wrist's pose from the vendor's numbers, written out; `side` is -1 on the right."""
     pose = by(-0.057, side * 0.14974, 0.08682) @ about("y", pitch) @ about("z", roll)
-    pose = pose @ by(0.1812, side * 0.015, 0.00013) @ about("y", -0.157079) @ about("x", yaw) @ about("z", bend)
+    pose = pose @ by(0.1812, side * 0.015, 0.00013) @ about("y", -0.157079) @ about("x", yaw) @ about("z", augment)
     return pose @ by(0.15, 0, 0) @ about("x", turn)
 
 

@@ -13,14 +13,14 @@ from mild_core.inference.model import build_model
 from mild_core.inference.stage import Inference
 from mild_core.perception.stage import Perception
 from mild_core.pipeline import Pipeline, PipelineOutput
-from mild_core.retargeting.person import Standing
+from mild_core.retargeting.human_track import AssumedPlacement
 from mild_core.retargeting.robots.yumi import YUMI
 from mild_core.retargeting.stage import Request, Retargeting, RetargetingInput, RetargetingState
 from mild_core.signals import JointMeasurement, MotionWindow, PersonPose
 from test.core.inference.random_model import manifest, paper_member, random_arrays
 from test.core.perception.scene import SECOND, SETTINGS, at_rate, seen
 
-STANDING = Standing((0.9, 0.1, 0.7), np.pi, {"rocket": (0.7, 0.0, 0.7)})
+STANDING = AssumedPlacement((0.9, 0.1, 0.7), np.pi, {"rocket": (0.7, 0.0, 0.7)})
 
 
 @pytest.fixture(name="pipeline", scope="module")

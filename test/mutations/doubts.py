@@ -6,15 +6,15 @@ from __future__ import annotations
 from test.mutations.fault import Fault
 
 MEASURED = "mild_core/joint_measurements.py"
-IDENTITY = "mild_core/perception/identity.py"
+IDENTITY = "mild_core/perception/person_tracker.py"
 REPETITION = "mild_core/perception/repetition.py"
 GATE = "mild_core/retargeting/start_gate.py"
-WATCHDOG = "mild_core/retargeting/watchdog.py"
-LIFE = "mild_core/retargeting/life.py"
+WATCHDOG = "mild_core/retargeting/timeouts.py"
+LIFE = "mild_core/retargeting/mode_inputs.py"
 PURSUIT = "mild_core/retargeting/target.py"
 EVALUATION = "mild_core/learning/evaluation.py"
 JOINTS = ("test/core/test_joint_measurements.py",)
-WHO = ("test/core/perception/test_identity.py",)
+WHO = ("test/core/perception/test_person_tracker.py",)
 REPEATED = ("test/core/perception/test_repetition.py",)
 STARTS = (
     "test/core/retargeting/test_start_gate.py",
@@ -32,7 +32,7 @@ UNNAMED = (
 )
 TIMES = ("test/core/retargeting/test_life.py", "test/core/retargeting/test_stage.py")
 ERRORS = ("test/core/learning/test_evaluation.py",)
-STOPPING = ("test/core/learning/test_stopping.py",)
+STOPPING = ("test/core/learning/test_epoch_search.py",)
 
 FAULTS = (
     Fault(
@@ -278,7 +278,7 @@ FAULTS = (
     Fault(
         "any gain is a gain",
         "Training goes on for as long as an error falls by chance.",
-        "mild_core/learning/stopping.py",
+        "mild_core/learning/epoch_search.py",
         "errors[-2] * (1.0 - LEAST_GAIN)",
         "errors[-2]",
         STOPPING,

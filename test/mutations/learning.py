@@ -83,7 +83,7 @@ FAULTS = (
     Fault(
         "scale learned from its own fold",
         "The scale that is tried on a fold was learned from it, so that every region seems right.",
-        f"{HERE}/calibration.py",
+        f"{HERE}/uncertainty_calibration.py",
         "for other, distances in found if other != fold).spread()",
         "for other, distances in found if other == fold).spread()",
         CALIBRATION,
@@ -91,7 +91,7 @@ FAULTS = (
     Fault(
         "scale learned from all folds",
         "The scale that is tried on a fold was learned from it too.",
-        f"{HERE}/calibration.py",
+        f"{HERE}/uncertainty_calibration.py",
         "for other, distances in found if other != fold).spread()",
         "for other, distances in found).spread()",
         CALIBRATION,
@@ -99,7 +99,7 @@ FAULTS = (
     Fault(
         "residual of the fold itself",
         "What cross-validation left over is measured on the fold that it is tried on.",
-        f"{HERE}/calibration.py",
+        f"{HERE}/uncertainty_calibration.py",
         "_residual([doubt for doubt in doubts if doubt.fold != fold])",
         "_residual([doubt for doubt in doubts if doubt.fold == fold])",
         CALIBRATION,
@@ -107,7 +107,7 @@ FAULTS = (
     Fault(
         "scale of a deviation",
         "The scale fits the deviation and is multiplied with the variance.",
-        f"{HERE}/calibration.py",
+        f"{HERE}/uncertainty_calibration.py",
         "_Spread(float(most / chi2.ppf(REGION, values))",
         "_Spread(float(np.sqrt(most / chi2.ppf(REGION, values)))",
         CALIBRATION,
@@ -115,7 +115,7 @@ FAULTS = (
     Fault(
         "degrees of freedom of one value",
         "The region of a whole frame is that of a single joint.",
-        f"{HERE}/calibration.py",
+        f"{HERE}/uncertainty_calibration.py",
         "_Spread(float(most / chi2.ppf(REGION, values))",
         "_Spread(float(most / chi2.ppf(REGION, 1))",
         CALIBRATION,
@@ -123,7 +123,7 @@ FAULTS = (
     Fault(
         "published scale of one fold",
         "The scale that goes into a model was learned from the first trial alone.",
-        f"{HERE}/calibration.py",
+        f"{HERE}/uncertainty_calibration.py",
         "whole = _together(_distances(doubt, _residual(doubts)) for doubt in own).spread()",
         "whole = _together(_distances(doubt, _residual(doubts)) for doubt in own[:1]).spread()",
         CALIBRATION,
@@ -131,7 +131,7 @@ FAULTS = (
     Fault(
         "errors are Gaussian",
         "Half of the true values are taken to lie where those of a Gaussian lie.",
-        f"{HERE}/calibration.py",
+        f"{HERE}/uncertainty_calibration.py",
         "return _Spread(float(most / chi2.ppf(REGION, values)), float(freedom))",
         "return _Spread(float(most / chi2.ppf(REGION, values)), 1000.0)",
         CALIBRATION,
@@ -139,7 +139,7 @@ FAULTS = (
     Fault(
         "long trials count more",
         "The trial with the most frames says where the regions are.",
-        f"{HERE}/calibration.py",
+        f"{HERE}/uncertainty_calibration.py",
         "np.full(len(joint), 1.0 / len(joint))",
         "np.full(len(joint), 1.0)",
         CALIBRATION,
@@ -178,7 +178,7 @@ FAULTS = (
     ),
     Fault(
         "fading per window",
-        "How long strangeness counts depends on the model's rate.",
+        "How long ood_score counts depends on the model's rate.",
         f"{HERE}/novelty.py",
         "KEPT_PER_S ** (1.0 / rate_hz)",
         "KEPT_PER_S",

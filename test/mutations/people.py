@@ -458,7 +458,7 @@ FAULTS = (
     Fault(
         "still before the robot set off",
         "A hand that waited for the robot is at rest as soon as the robot sets off.",
-        f"{HERE}/life.py",
+        f"{HERE}/mode_inputs.py",
         "still_s = min(sight.still_s(), (now_ns - state.since_ns) * 1e-9)",
         "still_s = sight.still_s()",
         GATE,
@@ -466,7 +466,7 @@ FAULTS = (
     Fault(
         "still while hands are together",
         "Hands that are held together end the interaction.",
-        f"{HERE}/life.py",
+        f"{HERE}/mode_inputs.py",
         "if still_s > settings.still_after_s and state.near_m > settings.near_m:",
         "if still_s > settings.still_after_s:",
         GATE,
@@ -508,7 +508,7 @@ FAULTS = (
     Fault(
         "a hand at rest is unknown",
         "The robot holds after an interaction, and does not go home.",
-        f"{HERE}/reception.py",
+        f"{HERE}/input_handlers.py",
         "ended = given.state == RESTING and state.mode is Mode.FOLLOWING",
         "ended = False",
         ("test/core/retargeting/test_people.py",),
@@ -516,7 +516,7 @@ FAULTS = (
     Fault(
         "an offered hand says nothing",
         "The evidence for a start begins when the interaction has its name.",
-        f"{HERE}/reception.py",
+        f"{HERE}/input_handlers.py",
         "probability = 1.0 if given.state == OFFERED else given.probability if given.interaction else 0.0",
         "probability = given.probability if given.interaction else 0.0",
         ("test/core/retargeting/test_people.py",),
@@ -573,8 +573,8 @@ FAULTS = (
         "a given interaction is vetoed",
         "A stranger is not answered though an operator has given the interaction.",
         "mild_core/inference/stage.py",
-        "return own, min(strangeness, KNOWN)",
-        "return own, min(strangeness, 1.0)",
+        "return own, min(ood_score, KNOWN)",
+        "return own, min(ood_score, 1.0)",
         ("test/core/inference/test_gesture_recogniser.py",),
     ),
 )

@@ -244,7 +244,7 @@ FAULTS = (
     Fault(
         "NaN is confident",
         "A joint whose confidence is NaN is believed.",
-        f"{HERE}/gates.py",
+        f"{HERE}/joint_validity.py",
         "        if not body.confidence[place] >= min_confidence:",
         "        if body.confidence[place] < min_confidence:",
         TESTS,
@@ -252,7 +252,7 @@ FAULTS = (
     Fault(
         "a joint at zero is seen",
         "The exact zero that trackers give for a lost joint is a place.",
-        f"{HERE}/gates.py",
+        f"{HERE}/joint_validity.py",
         "-far < z < far and (x != 0.0 or y != 0.0 or z != 0.0)",
         "-far < z < far",
         TESTS,
@@ -260,7 +260,7 @@ FAULTS = (
     Fault(
         "a joint at the edge of a plane is lost",
         "A joint with one coordinate at zero counts as lost.",
-        f"{HERE}/gates.py",
+        f"{HERE}/joint_validity.py",
         "(x != 0.0 or y != 0.0 or z != 0.0)",
         "(x != 0.0 and y != 0.0 and z != 0.0)",
         TESTS,
@@ -268,7 +268,7 @@ FAULTS = (
     Fault(
         "a wrist stands in for nothing",
         "A tracker that has wrists and no hands has no hands.",
-        f"{HERE}/gates.py",
+        f"{HERE}/joint_validity.py",
         'STAND_INS = {"hand": "wrist", "wrist": "hand"}',
         'STAND_INS = {"hand": "hand", "wrist": "hand"}',
         TESTS,

@@ -9,7 +9,7 @@ HERE = "mild_core/retargeting"
 TESTS = "test/core/retargeting"
 MAPPING = (f"{TESTS}/test_arm_mapping.py",)
 LIMITER = (f"{TESTS}/test_limiter.py",)
-LIMITS = (f"{TESTS}/test_kept_limits.py",)
+LIMITS = (f"{TESTS}/test_limit_check.py",)
 PIPELINE = ("test/core/test_pipeline.py",)
 MODES = (f"{TESTS}/test_modes.py",)
 CONTACT = (f"{TESTS}/test_contact_rules.py",)
@@ -116,8 +116,8 @@ FAULTS = (
         MAPPING,
     ),
     Fault(
-        "a bend to the wrong side",
-        "Elbows that bend the other way are solved as if they bent this way.",
+        "a augment to the wrong side",
+        "Elbows that augment the other way are solved as if they bent this way.",
         f"{HERE}/arm_mapping.py",
         "bends_to = 1.0 if self.upper_rad[3] > 0.0 else -1.0",
         "bends_to = 1.0",
@@ -158,7 +158,7 @@ FAULTS = (
     Fault(
         "jerk as a divided difference",
         "The limit check forgets the factorial: it allows twice the acceleration and six times the jerk.",
-        f"{HERE}/kept_limits.py",
+        f"{HERE}/limit_check.py",
         "return table * math.factorial(order), noise * math.factorial(order)",
         "return table, noise",
         LIMITS,
@@ -166,7 +166,7 @@ FAULTS = (
     Fault(
         "positions outside on one side",
         "The limit check looks at the upper position limits alone.",
-        f"{HERE}/kept_limits.py",
+        f"{HERE}/limit_check.py",
         "np.maximum(robot.lower_rad - positions_rad, positions_rad - robot.upper_rad).max()",
         "(positions_rad - robot.upper_rad).max()",
         LIMITS,
@@ -174,7 +174,7 @@ FAULTS = (
     Fault(
         "velocities as said are believed",
         "The limit check does not compare a command's velocity with its positions.",
-        f"{HERE}/kept_limits.py",
+        f"{HERE}/limit_check.py",
         "(apart - most * steps_s / 2 - 10 * ROUNDING_RAD).max()",
         "(apart - most * 1e3 - 10 * ROUNDING_RAD).max()",
         LIMITS,
@@ -302,7 +302,7 @@ FAULTS = (
     Fault(
         "a placement's yaw turned the other way",
         "A person who is taken to stand to the left of the robot is looked for to its right.",
-        f"{HERE}/person.py",
+        f"{HERE}/human_track.py",
         "turn = np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])",
         "turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])",
         TRACK,
@@ -310,7 +310,7 @@ FAULTS = (
     Fault(
         "people jump with recognition",
         "Where a person stands changes at once with the interaction that is recognised.",
-        f"{HERE}/person.py",
+        f"{HERE}/human_track.py",
         "(way_m := math.dist(wanted, before_m)) <= most_m",
         "(way_m := math.dist(wanted, before_m)) >= most_m",
         TRACK,
@@ -318,7 +318,7 @@ FAULTS = (
     Fault(
         "a hand guessed on for ever",
         "A hand that is not seen any more goes on at its speed.",
-        f"{HERE}/person.py",
+        f"{HERE}/human_track.py",
         "min(max((time_ns - self.hand_ns) * 1e-9, 0.0), LONGEST_GUESS_S)",
         "max((time_ns - self.hand_ns) * 1e-9, 0.0)",
         TRACK,
@@ -326,7 +326,7 @@ FAULTS = (
     Fault(
         "velocity gain per frame",
         "The tracked velocity depends on the rate of the tracker.",
-        f"{HERE}/person.py",
+        f"{HERE}/human_track.py",
         "VELOCITY_GAIN / elapsed_s * error",
         "VELOCITY_GAIN * error",
         TRACK,
@@ -334,7 +334,7 @@ FAULTS = (
     Fault(
         "a withdrawn hand is offered",
         "Whether a hand is offered is judged by where it is and not by where it goes.",
-        f"{HERE}/person.py",
+        f"{HERE}/human_track.py",
         "soon_m = self.hand_m + WITHDRAWING_S * self.velocity_m_s",
         "soon_m = self.hand_m - WITHDRAWING_S * self.velocity_m_s",
         TRACK,
@@ -342,7 +342,7 @@ FAULTS = (
     Fault(
         "back while it moves",
         "A hand that passes its rest is back there.",
-        f"{HERE}/person.py",
+        f"{HERE}/human_track.py",
         " and self.still_s() >= BACK_AFTER_S:",
         ":",
         TRACK,
@@ -350,7 +350,7 @@ FAULTS = (
     Fault(
         "still since it was first seen",
         "How long a hand is still does not restart when it moves.",
-        f"{HERE}/person.py",
+        f"{HERE}/human_track.py",
         "still_ns=pose.stamp_ns if moved else self.still_ns,",
         "still_ns=self.still_ns,",
         TRACK,
@@ -358,7 +358,7 @@ FAULTS = (
     Fault(
         "farthest is newest",
         "How far a hand has come is forgotten on its way back.",
-        f"{HERE}/person.py",
+        f"{HERE}/human_track.py",
         "return replace(self, farthest_m=away_m) if away_m > self.farthest_m else self",
         "return replace(self, farthest_m=away_m)",
         TRACK,

@@ -15,7 +15,7 @@ from mild_core.retargeting.robots import ROBOTS
 from mild_ros.assembly.perception import robot_from_camera as read_camera
 from test.bench import people
 from test.bench.around_people.bodies import HANGING, KINECT_JOINTS, Person, Sizes, arm_path, capsules_of, path
-from test.bench.around_people.judge import Judgement, broken_limits, judge, shapes_of
+from test.bench.around_people.judge import Judgement, exceeded_limits, judge, shapes_of
 from test.bench.around_people.page import CLAIMS, measured_part, page
 from test.bench.around_people.run import Expectation, Run, Setting, camera_text, robot_from_camera
 from test.bench.around_people.scenes import SCENES
@@ -138,8 +138,8 @@ def test_broken_limits_are_found(kind: str) -> None:
     elif kind == "not finite":
         positions[3, 2] = np.nan
     run = Run(times, positions, velocities, ("following",) * len(times), {})
-    assert any(kind in each for each in broken_limits("yumi", run))
-    assert broken_limits("yumi", still_run()) == []
+    assert any(kind in each for each in exceeded_limits("yumi", run))
+    assert exceeded_limits("yumi", still_run()) == []
 
 
 def test_people_have_rigid_bones_and_all_joints() -> None:

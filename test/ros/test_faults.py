@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mild_ros.faults.fault_bench import ROBOT, FaultBench
 from mild_ros.faults.judge import Command, problems
 from mild_ros.faults.page import row_start
-from mild_ros.faults.room import ROBOT, Room
 from mild_ros.faults.table import FAULTS, Fault
 from mild_ros.faults.trial import complaints, rest_after_s, running_room, tried, turned_rad
 from mild_ros.processes import private_domain
@@ -25,19 +25,19 @@ LOGGED = [f"perception {reason}" for reason in ("missing_joint", "not_finite", "
 
 
 @pytest.fixture(scope="module")
-def replayed_room(tmp_path_factory: pytest.TempPathFactory, ros_domain: int) -> Iterator[Room]:
+def replayed_room(tmp_path_factory: pytest.TempPathFactory, ros_domain: int) -> Iterator[FaultBench]:
     """Processes that go on from fault to fault: that they need no restart is shown by the next one."""
     with private_domain() as domain, running_room(False, tmp_path_factory.mktemp("replayed"), domain) as room:
         yield room
 
 
 @pytest.fixture(scope="module")
-def live_room(tmp_path_factory: pytest.TempPathFactory, ros_domain: int) -> Iterator[Room]:
+def live_room(tmp_path_factory: pytest.TempPathFactory, ros_domain: int) -> Iterator[FaultBench]:
     with private_domain() as domain, running_room(True, tmp_path_factory.mktemp("live"), domain) as room:
         yield room
 
 
-def check_survived(room: Room, fault: Fault) -> None:
+def check_survived(room: FaultBench, fault: Fault) -> None:
     """Assert that nothing went wrong, and that a person was there to see it."""
     outcome = tried(room, fault)
     assert outcome.wrong == (), outcome
@@ -47,14 +47,14 @@ def check_survived(room: Room, fault: Fault) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [fault.name for fault in FAULTS.values() if not fault.live])
-def test_a_fault_of_messages_is_survived_and_counted(replayed_room: Room, name: str) -> None:
+def test_a_fault_of_messages_is_survived_and_counted(replayed_room: FaultBench, name: str) -> None:
     check_survived(replayed_room, FAULTS[name])
     if FAULTS[name].counted[0] in LOGGED:
         assert replayed_room.has_said("pipeline", f"{FAULTS[name].counted[0]}: ")
 
 
 @pytest.mark.slow
-def test_what_is_not_survived_is_reported(replayed_room: Room) -> None:
+def test_what_is_not_survived_is_reported(replayed_room: FaultBench) -> None:
     planted = replace(FAULTS["repetitions"], answer="rests", counted=("perception not_finite",))
     wrong = tried(replayed_room, planted).wrong
     assert wrong[0] == "perception not_finite was not counted"
@@ -63,7 +63,7 @@ def test_what_is_not_survived_is_reported(replayed_room: Room) -> None:
 
 
 @pytest.mark.slow
-def test_another_reason_to_stop_is_reported(replayed_room: Room) -> None:
+def test_another_reason_to_stop_is_reported(replayed_room: FaultBench) -> None:
     outcome = tried(replayed_room, replace(FAULTS["robot NaN"], counted=("perception not_finite",)))
     assert outcome.wrong == ("perception not_finite was not counted",)
     assert outcome.stopped_by == ("retargeting robot_silent",)
@@ -71,7 +71,7 @@ def test_another_reason_to_stop_is_reported(replayed_room: Room) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [fault.name for fault in FAULTS.values() if fault.live])
-def test_a_fault_in_real_time_is_survived_and_counted(live_room: Room, name: str) -> None:
+def test_a_fault_in_real_time_is_survived_and_counted(live_room: FaultBench, name: str) -> None:
     check_survived(live_room, FAULTS[name])
 
 

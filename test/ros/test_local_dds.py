@@ -16,7 +16,7 @@ from mild_ros.local_dds import PROFILE_VARIABLES, keep_to_this_machine, local_en
 from mild_ros.processes import PYTHON, Nodes
 from test.ros.two_machines import ADDRESSES, cannot_be_made, on_both
 
-HELLO = [*PYTHON, "-m", "mild_ros.hearing", "hello"]
+HELLO = [*PYTHON, "-m", "mild_ros.discovery_probe", "hello"]
 LISTENER = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
 PEER = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "ROS_STATIC_PEERS": ADDRESSES[0]}
 LOCALHOST = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}

@@ -23,7 +23,7 @@ from mild_ros.messages.joint_state import joint_measurement_to_msg
 from mild_ros.messages.person import person_to_msg
 from mild_ros.quality_of_service import BETWEEN_STAGES, STATE
 from test.core.perception.scene import SETTINGS, at_rate, seen
-from test.core.perception.test_identity import beside
+from test.core.perception.test_person_tracker import beside
 from test.ros.processes import NodeProcess, Probe
 
 pytestmark = pytest.mark.slow

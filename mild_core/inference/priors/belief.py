@@ -49,7 +49,7 @@ class Filtered:
 
 
 @dataclass(frozen=True, eq=False)
-class Explanation:
+class ComponentPosteriors:
     """One observed latent as each component sees it, whatever was before.
 
     Attributes:

@@ -119,7 +119,7 @@ def estimate_components(
         frames: The latents.
         fraction: Share of the latents' variance added to the diagonals of the covariances.
 
-    Source: METHOD section 2: regularised by a fraction of the latent variance, not by a constant.
+    Source: ours: regularised by a fraction of the latent variance, not by a constant.
     """
     size = len(frames.centre)
     rows, columns = np.triu_indices(size)

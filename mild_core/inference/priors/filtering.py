@@ -5,7 +5,7 @@ The state of a chain at a frame is (j, r): component j, and r frames left in it,
 Markov chain on K * D states whose transitions are nearly all trivial (r becomes r - 1), so a frame costs
 K * D + K * K. The end of a recording asks nothing of r: the last segment is censored on the right by itself.
 
-Source: METHOD section 2; S.-Z. Yu, "Hidden semi-Markov models", Artificial Intelligence 174 (2010).
+Source: S.-Z. Yu, "Hidden semi-Markov models", Artificial Intelligence 174 (2010).
 """
 
 from __future__ import annotations
@@ -95,7 +95,8 @@ def observe_frame(
         conditioned_means: (K, Z - Q) filled.
         conditioned_covariances: (K, Z - Q, Z - Q) filled; an array of length 0 leaves them out.
 
-    Source: eq. 8 with the sign corrected, METHOD section 2. One Cholesky factor serves density and conditioning.
+    Source: eq. 8 of MILD with the sign corrected, see `mild_core/README.md`. One Cholesky factor serves
+        density and conditioning.
     """
     means, covariances = components
     latent, widening = observed

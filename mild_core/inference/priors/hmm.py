@@ -9,8 +9,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from mild_core.inference.priors.chain import ChainCounts, SemiMarkovChain, normalise_rows
 from mild_core.inference.priors.prior import FitSettings, Prior
+from mild_core.inference.priors.semi_markov_chain import ChainCounts, SemiMarkovChain, normalise_rows
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,8 +15,10 @@ from typing import ClassVar, Self
 import numpy as np
 
 from mild_core.inference.gaussian import Gaussian, mixture_moments
-from mild_core.inference.priors.belief import Belief, Explanation, Filtered
-from mild_core.inference.priors.chain import (
+from mild_core.inference.priors.belief import Belief, ComponentPosteriors, Filtered
+from mild_core.inference.priors.demonstrations import LatentFrames, estimate_components, latent_frames, log_emissions
+from mild_core.inference.priors.filtering import UNDERFLOW, observe_frame, observe_frames
+from mild_core.inference.priors.semi_markov_chain import (
     ChainCounts,
     ChainExpectation,
     SemiMarkovChain,
@@ -24,8 +26,6 @@ from mild_core.inference.priors.chain import (
     expect,
     run_filter,
 )
-from mild_core.inference.priors.demonstrations import LatentFrames, estimate_components, latent_frames, log_emissions
-from mild_core.inference.priors.filtering import UNDERFLOW, observe_frame, observe_frames
 from mild_core.shapes import FloatArray, read_only, require_shape
 
 
@@ -171,7 +171,7 @@ class Prior(ABC):
         memory = np.zeros((self.chain.components, self.chain.longest))
         return Belief(self.chain.initial, memory, False, 0.0, True)
 
-    def explain(self, observed: FloatArray, observed_covariance: FloatArray | None = None) -> Explanation:
+    def explain(self, observed: FloatArray, observed_covariance: FloatArray | None = None) -> ComponentPosteriors:
         """What each component says of one observed latent and expects of the controlled one.
 
         Args:
@@ -191,7 +191,7 @@ class Prior(ABC):
         gaussians = (self.components.mean, self.components.covariance)
         observe_frame(gaussians, (latent, widening), log_emissions, distances, means, covariances)
         means.flags.writeable = covariances.flags.writeable = False
-        return Explanation(log_emissions, distances, Gaussian(means, covariances))
+        return ComponentPosteriors(log_emissions, distances, Gaussian(means, covariances))
 
     def update(self, belief: Belief, observed: FloatArray, observed_covariance: FloatArray | None = None) -> Belief:
         """The belief after one more frame, in O(K D + K^2).
@@ -201,7 +201,7 @@ class Prior(ABC):
             observed: (Q,) latent of the observed agent.
             observed_covariance: (Q, Q) of the encoder; widens the observed block. None: exact.
 
-        Source: eq. 6 of MILD with explicit durations, METHOD section 2.
+        Source: eq. 6 of MILD with explicit durations, see `mild_core/README.md`.
         """
         log_emissions = self.explain(observed, observed_covariance).log_emissions[None]
         memory = belief.memory.copy() if belief.started else None
@@ -238,7 +238,7 @@ class Prior(ABC):
         Returns:
             Over Z - Q dimensions.
 
-        Source: eqs. 7 and 8 of MILD, corrected, with the moments of METHOD section 2.
+        Source: eqs. 7 and 8 of MILD, corrected, with the moments of the mixture; see `mild_core/README.md`.
         """
         return mixture_moments(belief.weights, self.explain(observed, observed_covariance).conditioned)
 

@@ -9,7 +9,7 @@ Eight demonstrations of about the same length are gone through side by side, eac
 lanes last. Until the longest has ended the others go on: forward with their last frame again and again, of which
 nothing is kept, and backward as if nothing were seen and nothing ended.
 
-Source: METHOD section 2; S.-Z. Yu, "Hidden semi-Markov models", Artificial Intelligence 174 (2010).
+Source: S.-Z. Yu, "Hidden semi-Markov models", Artificial Intelligence 174 (2010).
 """
 
 from __future__ import annotations

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from mild_core.errors import DatasetError
-from mild_core.learning.archive import REMEDY, read_archive
 from mild_core.learning.demonstration import Demonstration
 from mild_core.learning.recording import SPLITS, Demonstrations
+from mild_core.learning.safe_npz import REMEDY, read_safe_npz
 from mild_core.shapes import FloatArray
 
 TrialOf = Callable[[str, int, Any, Any], Demonstration]
@@ -29,7 +29,7 @@ def read_splits(path: Path, trial_of: TrialOf) -> Demonstrations:
     Raises:
         DatasetError: The file cannot be read, or holds another number of labels than of trials.
     """
-    arrays = read_archive(path, tuple(f"{split}_{what}" for split in SPLITS for what in ("data", "labels")))
+    arrays = read_safe_npz(path, tuple(f"{split}_{what}" for split in SPLITS for what in ("data", "labels")))
     parts = []
     for split in SPLITS:
         tracks, labels = arrays[f"{split}_data"], arrays[f"{split}_labels"]

@@ -27,4 +27,5 @@ HRI = SkeletonSource(
     " `stickman_debug:=True` gives the raw positions",
     joint_ids=dict(enumerate(_PLACES)),
     places=_PLACES,
+    tested="messages as its driver makes them, live and from a bag",
 )

@@ -15,4 +15,5 @@ MOTION_CAPTURE = SkeletonSource(
     driver="vrpn_mocap, mocap_optitrack, ...",
     start="`-p joint_names:=[right_shoulder, ...] -p joint_places:=[/vrpn_mocap/RShoulder/pose, ...]`;"
     " without places: `skeleton/right_shoulder`, ...",
+    tested="messages as its driver makes them, live and from a bag",
 )

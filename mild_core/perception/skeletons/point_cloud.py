@@ -14,4 +14,5 @@ POINT_CLOUD = SkeletonSource(
     driver="any",
     start="`-p joint_names:=[...]` in the order of a row's points, `-p source_axes:=...`",
     confidence="field `confidence`, `score` or `visibility`, else none",
+    tested="messages as its driver makes them, live and from a bag",
 )

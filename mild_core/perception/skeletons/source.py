@@ -58,7 +58,7 @@ class SkeletonSource:
     driver: str
     start: str
     confidence: str = "none: all count as seen"
-    tested: str = "messages as its driver makes them, live and from a bag"
+    tested: str
     joint_ids: Mapping[int, str] = field(default_factory=dict)
     axes: Axes = "unknown"
     formats: tuple[Mapping[int, str], ...] = ()

@@ -14,4 +14,5 @@ TF = SkeletonSource(
     driver="openni_tracker, Xsens, ...",
     start='`-p joint_names:=[right_shoulder, ...] -p joint_places:=["right_shoulder_{}", ...]`;'
     " `frame_id` is the frame to see them in, by default the root of the tree",
+    tested="messages as its driver makes them, live and from a bag",
 )

@@ -24,4 +24,5 @@ YOLO = SkeletonSource(
     confidence="score of the point",
     joint_ids=dict(enumerate(_COCO, start=1)),
     axes="rep103",
+    tested="messages as its driver makes them, live and from a bag",
 )

@@ -38,4 +38,5 @@ ZED = SkeletonSource(
     joint_ids=_BODY_38,
     axes="rep103",
     formats=(dict(enumerate(_BODY_18)), AZURE_KINECT.joint_ids, _BODY_38),  # BODY_34 begins as the Azure Kinect's
+    tested="messages as its driver makes them, live and from a bag",
 )

@@ -418,7 +418,7 @@ def judge(setting: Setting, run: Run) -> Judgement:
     """All that is judged of one run."""
     shapes = shapes_of(setting.robot)
     result = Judgement(commands=len(run.times_s), counts=run.counts)
-    result.limits = broken_limits(setting.robot, run)
+    result.limits = exceeded_limits(setting.robot, run)
     crowd = _crowd(setting.people, run.times_s, latency_s(setting))
     bodies = shapes.bodies(crowd.capsules, crowd.starts[0], crowd.ends[0])
     model = ROBOTS[setting.robot]
@@ -603,7 +603,7 @@ def _starts(result: Judgement, setting: Setting, run: Run, tools: Array) -> None
             result.contact_m = float(np.median(np.linalg.norm(hands - tools, axis=1)[out]))
 
 
-def broken_limits(robot: str, run: Run) -> list[str]:
+def exceeded_limits(robot: str, run: Run) -> list[str]:
     """Limits of position, velocity, acceleration and jerk that commands break.
 
     Averages of speed over each step and of acceleration from one step's middle to the next can be no larger than the

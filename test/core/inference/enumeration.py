@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mild_core.inference.priors.chain import SemiMarkovChain
+from mild_core.inference.priors.semi_markov_chain import SemiMarkovChain
 
 Segmentation = tuple[tuple[int, int, bool], ...]
 """Segments as (component, frames seen, cut): the last one may be cut by the end of the recording."""

@@ -50,7 +50,7 @@ def paper_member(
 
 
 def recurrent_member(window: int = 40, latent: int = 5) -> dict[str, NetworkSpec]:
-    """Every kind of network at once: a recurrent context, a gate, a residual, a distance and a recogniser."""
+    """Every kind of network at once: a recurrent context, a residual and a recogniser."""
     size, labels = 9 * window, len(INTERACTIONS)
     context = (
         LayerSpec("normalise", "input", size + labels, size + labels),
@@ -61,10 +61,8 @@ def recurrent_member(window: int = 40, latent: int = 5) -> dict[str, NetworkSpec
     return {
         "context": NetworkSpec(("window", "label"), context),
         "encoder": NetworkSpec(("context",), encoder),
-        "gate": NetworkSpec(("belief", "context"), dense((4 + 16, 4))),
         "residual": NetworkSpec(("context", "label"), dense((16 + labels, 12, latent))),
         "decoder": NetworkSpec(("controlled", "label"), dense((latent + labels, 20, 7 * window))),
-        "distance": NetworkSpec(("window",), (LayerSpec("normalise", "input", size, size), *dense((size, 6)))),
         "recogniser": NetworkSpec(("window",), dense((size, 8, labels))),
     }
 
@@ -107,10 +105,6 @@ def random_arrays(of: Manifest, seed: int = 0) -> dict[str, np.ndarray]:
                     values = rng.normal(size=shape) / np.sqrt(shape[0])
                     scale = array == "scale"
                     arrays[f"member_{i}.{name}.{layer.name}.{array}"] = abs(values) + 0.2 if scale else 0.7 * values
-        if "distance" in member:
-            outputs = member["distance"].layers[-1].outputs
-            arrays[f"member_{i}.distance.centres"] = rng.normal(size=(9, outputs))
-            arrays[f"member_{i}.distance.radii"] = np.full(9, 5.0)
         arrays[f"member_{i}.latent_radius"] = np.full(len(of.interactions), 5.0)
         for interaction in of.interactions:
             latents = [np.cumsum(rng.normal(0.0, 0.2, (120, 2 * of.latent_size)), axis=0) for _ in range(4)]

@@ -8,8 +8,8 @@ import pytest
 
 from mild_core.inference.gaussian import Gaussian, condition, log_density, mixture_moments
 from mild_core.inference.priors import GMM, HSMM, PRIORS
-from mild_core.inference.priors.chain import SemiMarkovChain
 from mild_core.inference.priors.prior import FitSettings
+from mild_core.inference.priors.semi_markov_chain import SemiMarkovChain
 
 PLAIN = FitSettings(
     iterations=25, tolerance=0.0, covariance_fraction=0.0, duration_floor=0.0, duration_spread=0.0, pseudo_count=0.0

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mild_core.inference.recognition import CLOSEST_CALL, given, recognise, undecided
+from mild_core.inference.recognition import CLOSEST_CALL, one_hot_belief, recognise, uniform_belief
 from mild_core.inference.stage import NEGLIGIBLE, Inference
 from test.core.inference.random_model import INTERACTIONS
 from test.core.inference.test_stage import CLOSE, run, windows
@@ -14,14 +14,14 @@ from test.core.inference.test_stage import CLOSE, run, windows
 
 def test_one_frame_weighs_by_its_tempered_likelihood():
     log_likelihoods = np.array([-3.0, -1.0, -2.0])
-    after = recognise(undecided(3), log_likelihoods, 0.5, 1.0)
+    after = recognise(uniform_belief(3), log_likelihoods, 0.5, 1.0)
     expected = np.exp(0.5 * log_likelihoods)
     np.testing.assert_allclose(after.probabilities, expected / expected.sum(), atol=1e-12)
     assert (after.likeliest, after.probability) == (1, pytest.approx(after.probabilities[1]))
 
 
 def test_evidence_adds_up_and_fades():
-    now, frames = undecided(2), 300
+    now, frames = uniform_belief(2), 300
     for _ in range(frames):
         now = recognise(now, np.array([0.0, -1.0]), 0.1, 0.97)
     # The geometric series 0.1 (1 + 0.97 + ...) ends at 0.1 / 0.03 nats.
@@ -34,12 +34,12 @@ def test_evidence_adds_up_and_fades():
 
 
 def test_one_bad_frame_decides_nothing_for_good():
-    after = recognise(undecided(2), np.array([0.0, -1e9]), 0.1, 0.97)
+    after = recognise(uniform_belief(2), np.array([0.0, -1e9]), 0.1, 0.97)
     assert after.evidence.min() == pytest.approx(-0.1 * CLOSEST_CALL)
 
 
 def test_what_is_given_is_certain():
-    conditioned = given(2, 4)
+    conditioned = one_hot_belief(2, 4)
     np.testing.assert_array_equal(conditioned.probabilities, [0, 0, 1, 0])
     assert (conditioned.likeliest, conditioned.probability) == (2, 1.0)
 

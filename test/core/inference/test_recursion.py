@@ -6,9 +6,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mild_core.inference.priors.chain import SemiMarkovChain, component_probabilities, expect
-from mild_core.inference.priors.chain import run_filter as filtered
 from mild_core.inference.priors.filtering import UNDERFLOW
+from mild_core.inference.priors.semi_markov_chain import SemiMarkovChain, component_probabilities, expect
+from mild_core.inference.priors.semi_markov_chain import run_filter as filtered
 from test.core.inference.enumeration import counts, posterior
 
 # Two roads through some 10^4 sums and products in double precision; the scaling costs a few more digits.

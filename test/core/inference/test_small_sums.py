@@ -8,7 +8,7 @@ import pytest
 
 from mild_core.inference.manifest import NetworkSpec
 from mild_core.inference.member import Generated, combined
-from mild_core.inference.mixing import DIAGONAL_FLOOR, add_spread, classify, gate_weights, nearest, posterior
+from mild_core.inference.mixing import DIAGONAL_FLOOR, classify, posterior, propagate_covariance
 from mild_core.inference.model import build_model
 from mild_core.inference.networks import LayerSpec
 from mild_core.inference.reservoir import SETTLED_S, Reservoir
@@ -33,15 +33,6 @@ def test_posterior_is_a_lower_triangle_times_its_transpose(rng):
     np.testing.assert_allclose(covariance, factor @ factor.T, atol=1e-12)
 
 
-def test_gate_is_the_belief_times_the_exponential_of_its_logits(rng):
-    belief, logits = rng.dirichlet(np.ones(5)), rng.normal(size=5).astype(np.float32)
-    wanted = belief * np.exp(logits)
-    np.testing.assert_allclose(gate_weights(belief, logits), wanted / wanted.sum(), atol=1e-9)
-    # No exponential overflows, and a component that the chain rules out stays out.
-    huge = gate_weights(np.array([0.5, 0.5, 0.0]), np.array([800.0, 799.0, 800.0], np.float32))
-    np.testing.assert_allclose(huge, [1 / (1 + np.exp(-1)), 1 / (1 + np.e), 0.0], atol=1e-9)
-
-
 def test_log_probabilities_are_normalised_whatever_the_logits(rng):
     logits = (300.0 * rng.normal(size=6)).astype(np.float32)
     found = classify(logits)
@@ -59,7 +50,7 @@ def test_spread_is_the_moments_of_the_mixture_through_each_component_s_jacobian(
     covariances, centre = roots @ roots.swapaxes(1, 2), weights @ means
     operators = np.einsum("jwac,jwbd->jabcd", jacobians, jacobians).reshape(components, values**2, latent**2) / window
     found = np.eye(values)
-    add_spread(weights, (means, covariances), centre, operators, found)
+    propagate_covariance(weights, (means, covariances), centre, operators, found)
     wanted = np.eye(values)
     for j in range(components):
         apart = means[j] - centre
@@ -79,13 +70,6 @@ def test_operators_are_the_mean_over_the_window_of_what_the_decoder_makes_of_a_l
     operators = build_model(of, arrays).members[0].operators
     assert operators.shape == (4, 3, 49, 25)
     np.testing.assert_allclose(operators, np.broadcast_to(wanted, operators.shape), atol=1e-4)
-
-
-def test_nearest_centre_is_judged_by_its_own_radius():
-    centres, radii = np.array([[0.0, 0.0], [10.0, 0.0]]), np.array([1.0, 20.0])
-    # 3 from a narrow cluster, 7 from a wide one: it belongs to the wide one.
-    assert nearest(np.array([3.0, 0.0], np.float32), centres, radii) == pytest.approx(7.0 / 20.0)
-    assert nearest(np.array([-4.0, 3.0], np.float32), centres[:1], radii[:1]) == pytest.approx(5.0)
 
 
 def test_members_that_disagree_are_less_sure_by_how_far_they_are_apart(rng):

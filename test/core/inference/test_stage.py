@@ -14,7 +14,7 @@ from mild_core.inference.manifest import NetworkSpec
 from mild_core.inference.mixing import NEGLIGIBLE_WEIGHT
 from mild_core.inference.model import build_model
 from mild_core.inference.motion_model import MildModel
-from mild_core.inference.priors.chain import run_filter
+from mild_core.inference.priors.semi_markov_chain import run_filter
 from mild_core.inference.stage import Inference
 from mild_core.inference.start_pose import StartPose
 from mild_core.signals import FeatureWindow, JointMeasurement
@@ -83,17 +83,10 @@ class ByHand:
         self.belief = self.prior.update(self.belief, values["observed"], covariance)
         weights, explanation = self.belief.weights, self.prior.explain(values["observed"], covariance)
         score = explanation.distances.min() / self.member.latent_radius[self.number]
-        if "gate" in networks:
-            weights = weights * np.exp(self.run("gate", values | {"belief": weights})[0])
-            weights = weights / weights.sum()
         latent = weights @ explanation.conditioned.mean
         centre = latent
         if "residual" in networks:
             latent = latent + self.run("residual", values)[0]
-        if "distance" in networks:
-            code = self.run("distance", values)[0]
-            apart = np.linalg.norm(code - self.member.centres, axis=1) / self.member.radii
-            score = max(score, apart.min())
         motion = self.run("decoder", values | {"controlled": latent, "belief": weights})[0].reshape(40, 7)
         return motion, weights, self.spread(weights, explanation.conditioned, centre), score
 
@@ -121,7 +114,7 @@ def test_a_given_interaction_is_the_paper_s_algorithm_step_by_step(paper_model):
 
 
 def test_copies_take_turns_and_members_are_averaged(full_model):
-    """Two members, each with a context, gate, residual and distance; with a stride of two, two copies of each."""
+    """Two members, each with a context and a residual; with a stride of two, two copies of each."""
     copies = [[ByHand(full_model, member, 1) for member in range(2)] for _ in range(2)]
     _, answers = run(Inference(full_model, "hand_shake"), windows(20))
     for index, (window, answer) in enumerate(zip(windows(20), answers, strict=True)):
@@ -327,14 +320,6 @@ def test_a_jump_in_time_forgets_the_person_and_not_where_the_robot_stood(paper_m
         after, _ = run(stage, windows(1, first_ns=state.stamp_ns + jump_ns), state)
         np.testing.assert_array_equal(after.start, measured.positions_rad)
         assert after.counts["accepted"] == 6
-
-
-def test_motion_far_from_all_centres_is_counted(full_model):
-    stage = Inference(full_model, "rocket")
-    state, _ = run(stage, windows(5))
-    far = FeatureWindow(state.stamp_ns + PERIOD_NS, "arm", JOINTS, np.full((40, 9), 1e3))
-    _, (motion,) = stage.step(state, far, 0)
-    assert motion.out_of_distribution > 10.0
 
 
 def test_evidence_names_the_interaction_whose_motion_it_is():

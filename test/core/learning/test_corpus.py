@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from mild_core.learning.coordinates import plain_coordinates, principal_coordinates
-from mild_core.learning.corpus import bend, corpus_of, cut_tracks
+from mild_core.learning.corpus import augment, corpus_of, cut_tracks
 from mild_core.learning.settings import Augmentation
 from mild_core.learning.windows import PROTOCOLS, cut
 from test.core.learning.made_trials import made_trials
@@ -38,7 +38,7 @@ def test_windows_are_those_of_the_protocol(name, first, stride):
 
 def test_bending_by_nothing_changes_nothing():
     corpus = corpus_of(TRIALS, PROTOCOLS["same"], TWO)
-    bent = bend(corpus.tracks, STILL)
+    bent = augment(corpus.tracks, STILL)
     assert torch.equal(bent.alive, corpus.tracks.alive)
     np.testing.assert_allclose(bent.observed, corpus.tracks.observed, atol=1e-6)
     np.testing.assert_allclose(bent.controlled, corpus.tracks.controlled, atol=1e-6)
@@ -53,7 +53,7 @@ def test_bending_time_takes_both_agents_along():
         observed=frames[None, :, None].expand(4, -1, 9).clone(),
         controlled=2.0 * frames[None, :, None].expand(4, -1, 3),
     )
-    bent = bend(counting, replace(STILL, copies=3, speed=0.2, unsteadiness=0.15))
+    bent = augment(counting, replace(STILL, copies=3, speed=0.2, unsteadiness=0.15))
     assert bent.observed.shape[0] == len(bent.label) == 12
     np.testing.assert_allclose(2.0 * bent.observed[..., 0], bent.controlled[..., 0], rtol=1e-5)
     steps = bent.observed[..., 0].diff(dim=1)[bent.alive[:, 1:]]
@@ -67,14 +67,14 @@ def test_bending_time_takes_both_agents_along():
 def test_bending_the_human_keeps_directions_between_joints_up_to_one_turn_and_one_length():
     torch.manual_seed(0)
     corpus = corpus_of(TRIALS, PROTOCOLS["same"], TWO)
-    bent = bend(corpus.tracks, replace(STILL, arm_scale=0.1, yaw_rad=0.15))
+    bent = augment(corpus.tracks, replace(STILL, arm_scale=0.1, yaw_rad=0.15))
     before = corpus.tracks.observed.unflatten(-1, (3, 3)).diff(dim=2)
     after = bent.observed.unflatten(-1, (3, 3)).diff(dim=2)
     ratio = after.norm(dim=-1) / before.norm(dim=-1)
     np.testing.assert_allclose(ratio, ratio[:, :1, :1].expand_as(ratio), rtol=1e-4)
     assert ((ratio > 0.9) & (ratio < 1.1)).all()
     np.testing.assert_allclose(after[..., 2], before[..., 2] * ratio, atol=1e-5)
-    assert torch.equal(bent.controlled, bend(corpus.tracks, STILL).controlled)
+    assert torch.equal(bent.controlled, augment(corpus.tracks, STILL).controlled)
 
 
 def test_principal_coordinates_keep_what_they_span_and_weigh_errors_by_the_windows_variance():

@@ -23,7 +23,6 @@ SKIPPING = replace(
         SMALL.architecture,
         context=("window",),
         encoder=("context", "window"),
-        gate=("context", "label"),
         residual=("context", "window", "label"),
     ),
     members=2,

@@ -38,7 +38,7 @@ def _parts():
     corpus = corpus_of(TRIALS, SAME, TWO)
     objective = Objective(SMALL, *window_coordinates(corpus, SMALL), len(TWO))
     torch.manual_seed(0)
-    sizes = (objective.question.size, objective.answer.size, len(TWO), SMALL.prior.components)
+    sizes = (objective.question.size, objective.answer.size, len(TWO))
     networks = MemberNetworks(SMALL.architecture, *sizes, SMALL.dropout)
     batch = objective.projected(cut_tracks(corpus, corpus.tracks, 24, SMALL.gradient_stride))
     return objective, networks.eval(), batch

@@ -8,7 +8,7 @@ import pytest
 
 from mild_core.errors import ModelError
 from mild_core.inference.model import build_model
-from mild_core.inference.resting import rests
+from mild_core.inference.rest_detection import rests
 from mild_core.inference.stage import Inference
 from mild_core.learning.export import ModelFacts, export
 from mild_core.learning.learned_model import finished

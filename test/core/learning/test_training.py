@@ -160,19 +160,19 @@ def test_trials_of_fewer_windows_than_the_gradients_stride_are_learned_too():
 def test_hidden_layers_are_carried_over_where_sizes_agree_and_nothing_else_is():
     import torch
 
-    from mild_core.learning.carry_over import carry_over
+    from mild_core.learning.transfer import transfer_layers
     from mild_core.learning.vae import MemberNetworks
 
     architecture = SMALL.architecture
 
     def made(seed, questions):
         torch.manual_seed(seed)
-        return MemberNetworks(architecture, questions, 4, 2, 3, 0.0)
+        return MemberNetworks(architecture, questions, 4, 2, 0.0)
 
     donor, heir, before = made(0, 6), made(1, 7), made(1, 7)
     chains = {name: getattr(donor, name) for name in ("context", "encoder", "residual", "decoder")}
     arrays = {f"{name}.{key}": a for name, chain in chains.items() if chain for key, a in chain.arrays().items()}
-    taken = carry_over(heir, arrays)
+    taken = transfer_layers(heir, arrays)
     assert taken
     given, kept, found = (dict(networks.state_dict()) for networks in (donor, before, heir))
     changed = {name for name, value in found.items() if not torch.equal(value, kept[name])}
@@ -186,6 +186,6 @@ def test_hidden_layers_are_carried_over_where_sizes_agree_and_nothing_else_is():
         layers = getattr(heir, chain)
         if layers is not None and layers.specs[-1].kind == "dense":
             assert f"{chain}.stack.{len(layers.specs) - 1}" not in places
-    assert carry_over(heir, {}) == ()
+    assert transfer_layers(heir, {}) == ()
     with pytest.raises(SetupError, match="no hidden layer of it has the name and size"):
         next(train(TRIALS, PROTOCOLS["same"], SMALL, 0, start={"encoder.elsewhere.weight": np.zeros((3, 3))}))

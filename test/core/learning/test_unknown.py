@@ -56,8 +56,8 @@ def test_recorded_interactions_left_out_are_detected_better_than_by_a_nearest_ne
 def test_a_cluster_belongs_to_one_interaction():
     trials, protocol = made_trials(each=3), PROTOCOLS["same"]
     territory = clustered(trials, protocol, ("reach", "push"), seed=1)
-    strayed = territory.init()
-    assert strayed.shape == (2,)
+    novelty = territory.init()
+    assert novelty.shape == (2,)
     assert territory.reach == 1.0
 
 

@@ -33,7 +33,7 @@ from mild_core.perception.bodies import (
     facing_of,
     followed,
 )
-from mild_core.perception.identity import seen_person
+from mild_core.perception.person_tracker import detection_of
 from mild_core.signals import BODY_PARTS, NO_SEGMENTS, WATCHED_PERSON, BodySegments, SkeletonFrame
 
 START_NS, PERIOD_S = 1_700_000_000_000_000_000, 1 / 30
@@ -86,7 +86,7 @@ def person(joints: dict[str, np.ndarray], time_s: float, number: int = 7, doubte
 def after(
     before: Bodies, people: Iterable[SkeletonFrame], time_s: float, watched: int | None = 0, keep_s: float = 5.0
 ) -> Bodies:
-    everyone = [seen_person(one) for one in people]
+    everyone = [detection_of(one) for one in people]
     who = everyone[watched] if watched is not None and everyone else None
     return followed(before, everyone, who, UP, 0.5, 0.5, keep_s, START_NS + round(time_s * 1e9))
 

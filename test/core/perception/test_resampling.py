@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mild_core.perception.arm import with_bone_lengths
-from mild_core.perception.resampling import SNAP, Cadence, Grid, resample
+from mild_core.perception.resampling import SNAP, FrameRateEstimator, Grid, resample
 
 PERIOD_NS = 25_000_000
 
@@ -65,7 +65,7 @@ def test_losses_are_counted_from_the_stamps_despite_jitter(rate_hz: float) -> No
     generator = np.random.default_rng(2)
     index = np.flatnonzero(generator.random(1000) > 0.1)
     stamps = np.round((index + generator.uniform(-0.1, 0.1, len(index))) * 1e9 / rate_hz).astype(int).tolist()
-    cadence, missed = Cadence(stamps[0]), 0
+    cadence, missed = FrameRateEstimator(stamps[0]), 0
     for stamp_ns in stamps[1:]:
         cadence, lost = cadence.after(stamp_ns)
         missed += lost
@@ -74,14 +74,14 @@ def test_losses_are_counted_from_the_stamps_despite_jitter(rate_hz: float) -> No
 
 
 def test_messages_that_came_without_the_person_are_not_missed() -> None:
-    cadence, _ = Cadence(0).after(PERIOD_NS)
-    cadence, missed = Cadence(cadence.stamp_ns, cadence.interval_ns, absent=2).after(4 * PERIOD_NS)
+    cadence, _ = FrameRateEstimator(0).after(PERIOD_NS)
+    cadence, missed = FrameRateEstimator(cadence.stamp_ns, cadence.interval_ns, absent=2).after(4 * PERIOD_NS)
     assert missed == 0
     assert cadence.absent == 0
 
 
 def test_a_tracker_that_slows_down_is_followed() -> None:
-    cadence, stamp_ns = Cadence(0, float(PERIOD_NS)), 0
+    cadence, stamp_ns = FrameRateEstimator(0, float(PERIOD_NS)), 0
     for _ in range(30):
         stamp_ns += 3 * PERIOD_NS
         cadence, missed = cadence.after(stamp_ns)
@@ -103,14 +103,14 @@ def test_a_tracker_that_slows_down_is_followed() -> None:
     ],
 )
 def test_one_interval_changes_the_estimate_a_little(interval_ms: float, estimated_ms: float, missed: int) -> None:
-    cadence, lost = Cadence(0, 100e6).after(round(interval_ms * 1e6))
+    cadence, lost = FrameRateEstimator(0, 100e6).after(round(interval_ms * 1e6))
     assert (cadence.interval_ns / 1e6, lost) == (pytest.approx(estimated_ms), missed)
 
 
 @pytest.mark.parametrize(("interval_ms", "gap"), [(101.0, False), (149.0, False), (151.0, True), (200.0, True)])
 def test_a_span_in_which_a_frame_should_have_been_is_a_gap(interval_ms: float, gap: bool) -> None:
-    assert Cadence(0, 100e6).is_gap(round(interval_ms * 1e6)) == gap
-    assert not Cadence(0).is_gap(round(interval_ms * 1e6))  # after two frames the rate is unknown
+    assert FrameRateEstimator(0, 100e6).is_gap(round(interval_ms * 1e6)) == gap
+    assert not FrameRateEstimator(0).is_gap(round(interval_ms * 1e6))  # after two frames the rate is unknown
 
 
 def test_grid_points_lie_on_the_nearest_nanosecond() -> None:
@@ -139,7 +139,7 @@ def test_of_a_flood_nothing_is_missed_and_after_it_the_trackers_own_rate_counts(
     """Messages of a flood come in bursts; what lies between them is no information."""
     bursts = [number * 7_000_000 + within * 300_000 for number in range(200) for within in range(4)]
     after = [bursts[-1] + 33_000_000 * number for number in range(1, 60)]
-    cadence, missed = Cadence(bursts[0]), 0
+    cadence, missed = FrameRateEstimator(bursts[0]), 0
     for stamp_ns in bursts[1:] + after:
         cadence, more = cadence.after(stamp_ns)
         missed += more

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mild_core.retargeting.kept_limits import ROUNDING_RAD, broken_limits
+from mild_core.retargeting.limit_check import ROUNDING_RAD, exceeded_limits
 from mild_core.retargeting.robot import RobotModel
 from mild_core.signals import JointCommand
 
@@ -19,4 +19,4 @@ def check_limits(robot: RobotModel, commands: Sequence[JointCommand]) -> None:
     stamps_ns = np.array([command.stamp_ns for command in commands])
     positions = np.array([command.positions_rad for command in commands])
     velocities = np.array([command.velocities_rad_s for command in commands])
-    assert broken_limits(robot, stamps_ns, positions, velocities) == ()
+    assert exceeded_limits(robot, stamps_ns, positions, velocities) == ()

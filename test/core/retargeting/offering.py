@@ -10,7 +10,7 @@ import numpy as np
 
 from mild_core.retargeting.arm_following import arm_follower
 from mild_core.retargeting.chain import chain_of
-from mild_core.retargeting.person import Standing
+from mild_core.retargeting.human_track import AssumedPlacement
 from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.stage import Retargeting, RetargetingInput, RetargetingSettings
 from mild_core.shapes import FloatArray
@@ -32,7 +32,7 @@ HIGH: Arms = (
 )
 """The same of a person who rests the elbow on high: for arms that stand on a table and cannot hang."""
 
-STANDING = Standing((1.1, 0.0, 0.2), np.pi, {"handshake": (1.1, 0.0, 0.2)})
+STANDING = AssumedPlacement((1.1, 0.0, 0.2), np.pi, {"handshake": (1.1, 0.0, 0.2)})
 AWAY_RAD = 0.3
 """How far a robot that was learned joint by joint moves each."""
 

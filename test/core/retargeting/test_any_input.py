@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from mild_core.joint_measurements import OUTCOMES as OF_JOINTS
 from mild_core.retargeting.guard import Guard
-from mild_core.retargeting.person import Standing
+from mild_core.retargeting.human_track import AssumedPlacement
 from mild_core.retargeting.robots.yumi import YUMI
 from mild_core.retargeting.stage import Request, Retargeting, RetargetingInput, RetargetingSettings, RetargetingState
 from mild_core.signals import ARM_FRAME, ROBOT_FRAME, JointCommand, PersonPose
@@ -48,7 +48,7 @@ EVENTS = st.builds(
 )
 
 
-STANDING = Standing((0.9, 0.1, 0.7), np.pi, {"handshake": (0.7, 0.0, 0.6)})
+STANDING = AssumedPlacement((0.9, 0.1, 0.7), np.pi, {"handshake": (0.7, 0.0, 0.6)})
 """Closer than a person should stand, so that everything is met that can be met."""
 
 

@@ -63,8 +63,8 @@ def test_pepper_does_what_the_partner_does() -> None:
     outcome, commands = followed(PEPPER, [np.stack([row] * 5) for row in rows])
     assert outcome == "accepted"
     check_limits(PEPPER, commands)
-    pitch, roll, yaw, bend = commands[-1].positions_rad.tolist()
-    for got, wanted in zip(PEPPER.arm.directions((pitch, roll), (yaw, bend)), AHEAD, strict=True):
+    pitch, roll, yaw, augment = commands[-1].positions_rad.tolist()
+    for got, wanted in zip(PEPPER.arm.directions((pitch, roll), (yaw, augment)), AHEAD, strict=True):
         # It has arrived: what is left is the elbow's slack, far below a degree.
         assert np.dot(got, wanted) / np.linalg.norm(wanted) > np.cos(np.radians(0.5))
 

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mild_core.learning.archive import read_archive
+from mild_core.learning.safe_npz import read_safe_npz
 from mild_core.retargeting.arm_mapping import Direction, FourJointArm
 from mild_core.retargeting.kinematics import forward_kinematics
 from mild_core.retargeting.robots.pepper import HOME_RAD, PEPPER
@@ -146,7 +146,7 @@ def test_a_bone_that_is_none_has_no_direction(length_m: float, is_bone: bool) ->
 
 def recorded_arms(mild_data: Path) -> list[np.ndarray]:
     """(T, 3, 3) of every trial, of both persons."""
-    trials = read_archive(mild_data / "nuisi" / "traj_data.npz", ("train_data",))["train_data"]
+    trials = read_safe_npz(mild_data / "nuisi" / "traj_data.npz", ("train_data",))["train_data"]
     both = [np.asarray(trial, dtype=np.float64).reshape(len(trial), 2, 3, 3) for trial in trials]
     return [trial[:, person] for trial in both for person in (0, 1)]
 

@@ -19,7 +19,7 @@ from mild_core.retargeting.contact import (
     SOFT,
     STANDING_TO_M,
     Contact,
-    Touch,
+    ContactState,
     smooth,
     stiffness,
 )
@@ -42,9 +42,9 @@ def aimed(
     seconds: float,
     covariance: np.ndarray = SURE,
     offered: bool = True,
-    before: Touch | None = None,
+    before: ContactState | None = None,
     learned: np.ndarray = LEARNED,
-) -> tuple[np.ndarray, Touch | None]:
+) -> tuple[np.ndarray, ContactState | None]:
     """The joints and what they touch after a while in which the robot is where it was sent."""
     joints, touch = learned, before
     for _ in range(round(seconds / TICK_S)):
@@ -77,7 +77,7 @@ def test_a_share_goes_from_zero_to_one_without_a_corner() -> None:
     ],
 )
 def test_the_arm_is_soft_where_hands_touch_and_stiff_where_it_reaches(share, apart_m, wanted) -> None:
-    assert stiffness(Touch(share, (0.0,) * 7, (0.0,) * 3, apart_m)) == pytest.approx(wanted)
+    assert stiffness(ContactState(share, (0.0,) * 7, (0.0,) * 3, apart_m)) == pytest.approx(wanted)
     assert stiffness(None) == 1.0
 
 

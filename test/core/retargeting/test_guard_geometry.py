@@ -118,7 +118,7 @@ def test_no_tool_is_faster_than_the_guard_says(robot: RobotModel) -> None:
 @pytest.mark.parametrize("seed", range(6))
 def test_clearance_is_the_least_distance_of_any_part_of_the_arm(guard: Guard, seed: int) -> None:
     pose, rates, people = scene(seed)
-    view = guard.view(np.zeros(1), pose[None], rates[None], people, UNPACED_M)
+    view = guard.evaluate_poses(np.zeros(1), pose[None], rates[None], people, UNPACED_M)
     points, radii = arm(pose, 41)
     shares = np.linspace(0.0, 1.0, 41)[:, None]
     for place in range(3):
@@ -133,7 +133,7 @@ def test_clearance_is_the_least_distance_of_any_part_of_the_arm(guard: Guard, se
 @pytest.mark.parametrize("seed", range(6))
 def test_no_point_of_the_arm_is_faster_than_is_said_and_one_nearly_is(guard: Guard, seed: int) -> None:
     pose, rates, people = scene(seed)
-    said = float(guard.view(np.zeros(1), pose[None], rates[None], people, UNPACED_M).speed_m_s[0])
+    said = float(guard.evaluate_poses(np.zeros(1), pose[None], rates[None], people, UNPACED_M).speed_m_s[0])
     points, radii = arm(pose)
     moved = (arm(pose + STEP_S * rates)[0] - points) / STEP_S
     axis = np.linalg.norm(moved, axis=-1).max(axis=1)
@@ -141,9 +141,9 @@ def test_no_point_of_the_arm_is_faster_than_is_said_and_one_nearly_is(guard: Gua
     turning = np.linalg.norm(np.abs(rates).sum())
     assert said <= (axis + radii * turning).max() + 1e-9
     assert guard.arm_speed(pose, rates, people) == pytest.approx(said)
-    assert guard.view(np.zeros(1), pose[None], 2.0 * rates[None], people, UNPACED_M).speed_m_s[0] == pytest.approx(
-        2.0 * said
-    )
+    assert guard.evaluate_poses(np.zeros(1), pose[None], 2.0 * rates[None], people, UNPACED_M).speed_m_s[
+        0
+    ] == pytest.approx(2.0 * said)
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -153,7 +153,9 @@ def test_clearance_falls_no_faster_than_the_arm_and_the_person_come_nearer(guard
     for moves, rate in ((1.0, 1.0), (0.0, 1.0), (1.0, 0.0)):
         others = among(people.ends_m, moves * people.velocities_m_s, people.radii_m)
         times, step = np.array([0.0, 1e-4]), 1e-4 * rate * rates
-        view = guard.view(times, np.stack([pose, pose + step]), np.tile(rate * rates, (2, 1)), others, UNPACED_M)
+        view = guard.evaluate_poses(
+            times, np.stack([pose, pose + step]), np.tile(rate * rates, (2, 1)), others, UNPACED_M
+        )
         falls = (view.clear_m[0] - view.clear_m[1]) / 1e-4
         assert (falls <= view.toward_m_s[0] + view.approach_m_s[0] + 0.01).all()
         assert (view.toward_m_s[0] >= 0.0).all()
@@ -169,10 +171,10 @@ def test_points_all_around_the_arm_count_towards_an_approaching_person(guard: Gu
     pose, rates, people = scene(seed)
     coming = among(people.ends_m, np.full((3, 2, 3), 1.0), people.radii_m)
     given = np.zeros(1), pose[None], rates[None]
-    nearest = guard.view(*given, coming, UNPACED_M).toward_m_s[0]
-    around = guard.view(*given, coming, UNPACED_M, around=True).toward_m_s[0]
+    nearest = guard.evaluate_poses(*given, coming, UNPACED_M).toward_m_s[0]
+    around = guard.evaluate_poses(*given, coming, UNPACED_M, around=True).toward_m_s[0]
     still = among(people.ends_m, np.zeros((3, 2, 3)), people.radii_m)
-    np.testing.assert_array_equal(guard.view(*given, still, UNPACED_M, around=True).toward_m_s[0], nearest)
+    np.testing.assert_array_equal(guard.evaluate_poses(*given, still, UNPACED_M, around=True).toward_m_s[0], nearest)
     assert (around >= nearest).all()
     assert (around > nearest).any()
     # Points on the surfaces themselves move as their links do.
@@ -190,7 +192,7 @@ def test_points_all_around_the_arm_count_towards_an_approaching_person(guard: Gu
                     way, far = toward(point, people.ends_m[place])
                     if far < 0.7:
                         fastest[place] = max(fastest[place], float(rate @ way))
-    apart = guard.view(*given, coming, UNPACED_M).clear_m[0] > 0.05
+    apart = guard.evaluate_poses(*given, coming, UNPACED_M).clear_m[0] > 0.05
     assert (fastest[apart] <= 1.1 * around[apart] + 0.01).all()  # to first order
 
 
@@ -211,7 +213,7 @@ def test_a_person_who_comes_straight_at_the_hand_approaches_at_their_speed(
     away = np.array([1.0, 0.0, 0.0])
     ball = np.tile(foremost + 0.45 * away, (1, 2, 1))
     people = among(ball, np.tile(-speed * away, (1, 2, 1)), np.array([0.05]), horizon_s=0.5)
-    view = guard.view(np.array([0.0, 0.1, 0.6]), np.tile(pose, (3, 1)), np.zeros((3, 7)), people, UNPACED_M)
+    view = guard.evaluate_poses(np.array([0.0, 0.1, 0.6]), np.tile(pose, (3, 1)), np.zeros((3, 7)), people, UNPACED_M)
     assert view.approach_m_s[0, 0] >= approach - 1e-9
     assert view.approach_m_s[0, 0] == pytest.approx(approach, abs=0.15)
     # They go on at that speed, until the horizon, and then they may have turned.

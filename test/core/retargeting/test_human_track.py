@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mild_core.errors import DataError
-from mild_core.retargeting.person import (
+from mild_core.retargeting.human_track import (
     BACK_AFTER_S,
     BACK_M,
     GONE_S,
@@ -17,8 +17,8 @@ from mild_core.retargeting.person import (
     LOST_S,
     OFFERED,
     RAISED_M,
-    Sight,
-    Standing,
+    AssumedPlacement,
+    HumanTrack,
     check_pose,
     first_sight,
     seen_again,
@@ -34,7 +34,7 @@ def pose(time_s: float, hand_m: np.ndarray | tuple[float, ...], frame_id: str = 
     return PersonPose(START_NS + round(time_s * 1e9), frame_id, np.array(hand_m, dtype=float), head, trunk)
 
 
-def tracked(hand: object, seconds: float, sight: Sight | None = None, start_s: float = 0.0) -> Sight:
+def tracked(hand: object, seconds: float, sight: HumanTrack | None = None, start_s: float = 0.0) -> HumanTrack:
     """The track after a hand went its way `hand(time)` for a while."""
     for frame in range(round(seconds * RATE_HZ)):
         time_s = start_s + frame / RATE_HZ
@@ -54,7 +54,7 @@ def along(axis: int, metres: float) -> np.ndarray:
 def test_a_person_faces_the_way_their_yaw_says(yaw_rad: float) -> None:
     """REP-103: a yaw turns x towards y, so what is before the person lies at that angle from the robot's x axis."""
     place = (0.9, -0.2, 0.6)
-    standing = Standing(place, yaw_rad)
+    standing = AssumedPlacement(place, yaw_rad)
     ahead, left, up = (standing.placed(one, ARM_FRAME, place) - place for one in np.eye(3))
     np.testing.assert_allclose(ahead, [math.cos(yaw_rad), math.sin(yaw_rad), 0.0], atol=1e-12)
     np.testing.assert_allclose(left, [-math.sin(yaw_rad), math.cos(yaw_rad), 0.0], atol=1e-12)
@@ -67,7 +67,7 @@ def test_a_person_faces_the_way_their_yaw_says(yaw_rad: float) -> None:
 
 
 def test_recognition_moves_a_person_no_further_than_people_move() -> None:
-    standing = Standing((1.0, 0.0, 0.7), 0.0, {"handshake": (0.4, 0.8, 0.7)})
+    standing = AssumedPlacement((1.0, 0.0, 0.7), 0.0, {"handshake": (0.4, 0.8, 0.7)})
     assert standing.place("handshake", None, 0.1) == (0.4, 0.8, 0.7)
     assert standing.place("hand_wave", None, 0.1) == (1.0, 0.0, 0.7)
     # From one to the other is a metre, along (-0.6, 0.8).

@@ -8,8 +8,8 @@ import pytest
 
 from mild_core.retargeting.chain import chain_of
 from mild_core.retargeting.guard import Guard
+from mild_core.retargeting.human_track import AssumedPlacement
 from mild_core.retargeting.obstacles import Crowd, Obstacles, obstacles_of
-from mild_core.retargeting.person import Standing
 from mild_core.retargeting.robots.yumi import YUMI
 from mild_core.retargeting.stage import Request, Retargeting, RetargetingSettings
 from mild_core.shapes import FloatArray
@@ -19,7 +19,7 @@ from test.core.retargeting.people import RADII_M, pose
 from test.core.retargeting.perfect import TICK_NS, window
 from test.core.retargeting.run import AWAY, SECOND_NS, Run
 
-STANDING = Standing((0.9, 0.1, 0.7), np.pi, {"handshake": (0.9, 0.1, 0.7)})
+STANDING = AssumedPlacement((0.9, 0.1, 0.7), np.pi, {"handshake": (0.9, 0.1, 0.7)})
 REST_M = np.array([0.05, 0.0, -0.6])
 """Where the hand hangs, from the person's own shoulder."""
 
@@ -72,7 +72,7 @@ def looked_at(guard: Guard, commands: list[JointCommand], among: Obstacles) -> t
     positions, velocities = (
         np.array([getattr(command, name) for command in commands]) for name in ("positions_rad", "velocities_rad_s")
     )
-    found = guard.view(np.zeros(len(positions)), positions, velocities, among, 1.0)
+    found = guard.evaluate_poses(np.zeros(len(positions)), positions, velocities, among, 1.0)
     return found.clear_m, found.speed_m_s
 
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mild_core.retargeting.human_track import AssumedPlacement
 from mild_core.retargeting.obstacles import (
     AGED_M_S,
     AGED_MOST_M,
@@ -22,7 +23,6 @@ from mild_core.retargeting.obstacles import (
     Obstacles,
     obstacles_of,
 )
-from mild_core.retargeting.person import Standing
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.signals import ARM_FRAME, ROBOT_FRAME, UNKNOWN_DIRECTION, BodySegments
 from test.core.retargeting.people import body_ends, segments
@@ -42,7 +42,7 @@ def crowd(frame_id: str = ROBOT_FRAME, known: BodySegments | None = None) -> Cro
 
 
 def after(
-    age_s: float, seen: Crowd | None = None, standing: Standing | None = None, hand: np.ndarray = NOWHERE
+    age_s: float, seen: Crowd | None = None, standing: AssumedPlacement | None = None, hand: np.ndarray = NOWHERE
 ) -> Obstacles:
     return obstacles_of(seen or crowd(), SETTINGS, standing, None, hand, START_NS + round(age_s * 1e9))
 
@@ -76,7 +76,7 @@ def test_what_is_kept_from_everyone_alike_where_the_camera_is_known() -> None:
 
 
 def test_people_whose_place_is_a_guess_are_placed_and_kept_from_by_all_that_it_may_be_off() -> None:
-    standing = Standing((1.0, 0.2, 0.6), math.pi / 2)
+    standing = AssumedPlacement((1.0, 0.2, 0.6), math.pi / 2)
     found = after(0.0, crowd(ARM_FRAME), standing)
     given = crowd().segments
     wanted = standing.placed(given.ends_m + 0.05 * VELOCITY, ARM_FRAME, standing.place_m)
@@ -91,7 +91,7 @@ def test_people_whose_place_is_a_guess_are_placed_and_kept_from_by_all_that_it_m
 
 
 def test_people_whose_place_is_a_guess_stand_at_every_place_of_the_model() -> None:
-    standing = Standing((1.0, 0.2, 0.6), math.pi, {"handshake": (0.9, 0.1, 0.7), "rocket": (0.8, 0.0, 0.9)})
+    standing = AssumedPlacement((1.0, 0.2, 0.6), math.pi, {"handshake": (0.9, 0.1, 0.7), "rocket": (0.8, 0.0, 0.9)})
     given, count = crowd(ARM_FRAME), 22
     found = obstacles_of(given, SETTINGS, standing, (0.9, 0.1, 0.7), NOWHERE, START_NS)
     assert len(found.people) == 2 * count

@@ -12,9 +12,9 @@ import pytest
 
 from mild_core.retargeting.chain import chain_of, nearest_points
 from mild_core.retargeting.guard import Guard
+from mild_core.retargeting.human_track import AssumedPlacement
 from mild_core.retargeting.modes import Mode
 from mild_core.retargeting.obstacles import KEPT_S, NO_ONE, Crowd, obstacles_of
-from mild_core.retargeting.person import Standing
 from mild_core.retargeting.robots.yumi import YUMI
 from mild_core.retargeting.stage import (
     ASSUMED,
@@ -51,7 +51,7 @@ TO_ROBOT, LEFT, UP = np.array([-1.0, 0.0, 0.0]), np.array([0.0, -1.0, 0.0]), np.
 SHOULDERS_M = np.array([0.95, 0.1, 0.5])
 SHOULDER_M = SHOULDERS_M - 0.18 * LEFT
 REST_M = SHOULDER_M - 0.6 * UP + 0.03 * TO_ROBOT
-STANDING = Standing((0.95, 0.1, 0.5), np.pi, {"handshake": (0.95, 0.1, 0.5)})
+STANDING = AssumedPlacement((0.95, 0.1, 0.5), np.pi, {"handshake": (0.95, 0.1, 0.5)})
 NOT_SEEN = np.full(3, np.nan)
 
 
@@ -111,7 +111,7 @@ class Around(Run):
         among = obstacles_of(crowd, self.retargeting.settings, None, None, NOT_SEEN, 0)
         guard = Guard(YUMI, self.retargeting.settings)
         at = np.array([command.positions_rad for command in self.commands[since:]])
-        found: FloatArray = guard.view(np.zeros(len(at)), at, np.zeros_like(at), among, 0.5).clear_m[:, 0]
+        found: FloatArray = guard.evaluate_poses(np.zeros(len(at)), at, np.zeros_like(at), among, 0.5).clear_m[:, 0]
         return found
 
 
@@ -279,7 +279,7 @@ def test_an_unmeasured_camera_is_reported_and_hands_touch_only_where_that_is_all
 
 
 def test_an_unmeasured_camera_is_reported_before_a_person_is_seen() -> None:
-    def reasons(measured: bool | None, standing: Standing = STANDING, **settings: Any) -> tuple[str, ...]:
+    def reasons(measured: bool | None, standing: AssumedPlacement = STANDING, **settings: Any) -> tuple[str, ...]:
         return Retargeting(YUMI, RetargetingSettings(**settings), standing, measured).init().notices(0)
 
     assert reasons(False) == (f"no contact: {UNMEASURED}",)

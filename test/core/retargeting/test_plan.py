@@ -10,7 +10,7 @@ import pytest
 
 from mild_core.errors import DataError
 from mild_core.retargeting.robots.yumi import YUMI
-from mild_core.retargeting.target import Pursuit, checked_plan
+from mild_core.retargeting.target import RampIn, checked_plan
 from test.core.retargeting.perfect import START_NS, window
 
 JOINTS = len(YUMI.joint_names)
@@ -75,7 +75,7 @@ def test_what_is_no_plan_is_refused_by_its_reason(changes, reason):
 
 def test_the_way_onto_a_plan_begins_where_the_robot_is_never_exceeds_its_speed_and_ends_on_the_plan():
     aimed, here, peak, step_s = np.full(JOINTS, 0.4), (0.0,) * JOINTS, 0.5, 0.01
-    pursuit = Pursuit.onto(aimed, here)
+    pursuit = RampIn.onto(aimed, here)
     targets = [np.array(here)]
     for _ in range(300):
         pursuit, target = pursuit.nearer(aimed, peak, 0.0, step_s)
@@ -89,7 +89,7 @@ def test_the_way_onto_a_plan_begins_where_the_robot_is_never_exceeds_its_speed_a
 
 
 def test_hands_that_are_to_meet_may_hurry_and_a_plan_that_moves_takes_the_rest_of_the_way_along():
-    onto = [Pursuit(tuple([0.0] * JOINTS), tuple([-0.4] * JOINTS), 0.5) for _ in range(2)]
+    onto = [RampIn(tuple([0.0] * JOINTS), tuple([-0.4] * JOINTS), 0.5) for _ in range(2)]
     calm, hurried = (
         one.nearer(np.zeros(JOINTS), 0.5, hurry, 0.01)[0] for one, hurry in zip(onto, (0.0, 1.0), strict=True)
     )
@@ -99,7 +99,7 @@ def test_hands_that_are_to_meet_may_hurry_and_a_plan_that_moves_takes_the_rest_o
 
 
 def test_joints_that_were_held_back_set_off_from_where_they_are_and_the_others_go_on():
-    pursuit = Pursuit((1.0, 2.0), (-0.1, -0.2), 0.3)
+    pursuit = RampIn((1.0, 2.0), (-0.1, -0.2), 0.3)
     held = pursuit.held((0.5, 1.7), (True, False))
     assert held.target_rad == (1.0, 1.7)
     np.testing.assert_allclose(held.behind_rad, (-0.1, -0.5))

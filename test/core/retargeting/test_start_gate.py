@@ -6,10 +6,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mild_core.retargeting.life import with_rest
+from mild_core.retargeting.human_track import HumanTrack
+from mild_core.retargeting.mode_inputs import with_rest
 from mild_core.retargeting.modes import Mode
 from mild_core.retargeting.obstacles import Crowd
-from mild_core.retargeting.person import Sight
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.retargeting.start_gate import ASIDE, AT_HEAD, WATCHED, start_refusal, way_of
 from mild_core.retargeting.state import RetargetingState
@@ -22,7 +22,7 @@ CHEST_M = np.array([0.95, 0.0, 0.5])
 SHOULDER_M = {"right": CHEST_M - 0.18 * LEFT, "left": CHEST_M + 0.18 * LEFT}
 
 
-def person(side: str, hand_m: np.ndarray, raised_s: float = 1.0) -> tuple[Sight, Crowd]:
+def person(side: str, hand_m: np.ndarray, raised_s: float = 1.0) -> tuple[HumanTrack, Crowd]:
     """A person who has raised the hand of a side for so long; the other arm hangs."""
     parts: dict[str, tuple[np.ndarray, np.ndarray]] = {"trunk": (CHEST_M, CHEST_M - 0.55 * UP)}
     for each, shoulder in SHOULDER_M.items():
@@ -32,7 +32,7 @@ def person(side: str, hand_m: np.ndarray, raised_s: float = 1.0) -> tuple[Sight,
     ends = np.array(list(parts.values()))
     segments = BodySegments((WATCHED_PERSON,) * len(parts), tuple(parts), ends, 0.0 * ends, np.full(len(parts), 0.05))
     rest, since_ns = SHOULDER_M[side] - 0.6 * UP, round(-raised_s * SECOND_NS)
-    sight = Sight(ROBOT_FRAME, 0, 0, hand_m, np.zeros(3), rest, True, since_ns, 0.5, hand_m, since_ns)
+    sight = HumanTrack(ROBOT_FRAME, 0, 0, hand_m, np.zeros(3), rest, True, since_ns, 0.5, hand_m, since_ns)
     return sight, Crowd(segments, ROBOT_FRAME, 0, TO_ROBOT)
 
 

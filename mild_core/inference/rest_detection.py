@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """When the state is reset: people rest before and between interactions, for any time, and that is no step.
 
-What remembers has learned from trials that begin a few seconds before their motion. After a minute of rest it would be
-in a state that it has never been in. So while the arm rests where it was first seen, memory moves on for as long as
+Recurrent state was trained on trials that start a few seconds before the motion; after a minute of rest it would be
+far from every state in training. So while the arm rests where it was first seen, memory moves on for as long as
 people rested in the recordings, and no longer; and when the arm has come back to rest, the state is reset.
 """
 
@@ -15,7 +15,7 @@ import numpy as np
 from mild_core.shapes import FloatArray
 
 MOVED_M = 0.05
-"""A motion starts when the hand is this far from where it rested; source: METHOD section 3."""
+"""A motion starts when the hand is this far from where it rested [m]; measured on the recordings."""
 
 STILL_M = 0.03
 """A hand that stays within so much of a place is still."""

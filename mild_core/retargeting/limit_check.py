@@ -35,7 +35,7 @@ def derivatives(times_s: FloatArray, positions_rad: FloatArray, order: int) -> t
     return table * math.factorial(order), noise * math.factorial(order)
 
 
-def broken_limits(
+def exceeded_limits(
     robot: RobotModel, stamps_ns: FloatArray, positions_rad: FloatArray, velocities_rad_s: FloatArray
 ) -> tuple[str, ...]:
     """What one unbroken run of commands breaks of the limits of position, velocity, acceleration and jerk.

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mild_core.inference.model import build_model
-from mild_core.inference.resting import BACK_M, first_seen, is_back, is_waiting, rests, watch
+from mild_core.inference.rest_detection import BACK_M, first_seen, is_back, is_waiting, rests, watch
 from mild_core.inference.stage import Inference
 from mild_core.learning.export import ModelFacts, export
 from mild_core.learning.learned_model import finished

@@ -8,10 +8,10 @@ import pytest
 import torch
 
 from mild_core.errors import DatasetError
-from mild_core.learning import stopping
+from mild_core.learning import epoch_search
+from mild_core.learning.epoch_search import converged, lengths
 from mild_core.learning.learned_model import finished
 from mild_core.learning.presets import PRESETS
-from mild_core.learning.stopping import lengths, levelled_off
 from mild_core.learning.training import train
 from mild_core.learning.windows import PROTOCOLS
 from test.core.learning.made_trials import made_trials
@@ -41,7 +41,7 @@ def test_each_training_is_twice_as_long_as_the_one_before(epochs, doublings, tri
     ],
 )
 def test_an_error_has_levelled_off_when_twice_as_long_makes_it_no_smaller(errors, over):
-    assert levelled_off(errors) is over
+    assert converged(errors) is over
 
 
 def reports_and_model(settings, resume=()):
@@ -57,7 +57,7 @@ def reports_and_model(settings, resume=()):
 def test_the_members_learn_from_all_trials_for_as_long_as_was_enough_for_one_fold(
     monkeypatch, least_gain, looked, enough
 ):
-    monkeypatch.setattr(stopping, "LEAST_GAIN", least_gain)
+    monkeypatch.setattr(epoch_search, "LEAST_GAIN", least_gain)
     reports, model = reports_and_model(SETTINGS)
     asked = [report for report in reports if not math.isnan(report.validation)]
     assert [(report.member, report.epochs) for report in asked] == list(enumerate((3, 6, 12)[:looked]))

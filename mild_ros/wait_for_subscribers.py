@@ -13,7 +13,7 @@ SETTLING_S = 0.5
 """A publisher sees a subscriber before that one sees it: they get this long."""
 
 
-class Audience:
+class SubscriberWait:
     """Who is to hear a replay.
 
     Args:

@@ -143,7 +143,7 @@ def _read_member(archive: zipfile.ZipFile, name: str, allowance: _Allowance) -> 
     return described.build(allowance)
 
 
-def read_archive(path: Path, names: Iterable[str]) -> dict[str, NDArray[Any]]:
+def read_safe_npz(path: Path, names: Iterable[str]) -> dict[str, NDArray[Any]]:
     """Read the named arrays of an `.npz`; object arrays may hold arrays of numbers or text, nothing else.
 
     Args:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mild_core.errors import DatasetError
-from mild_core.learning.archive import read_archive
+from mild_core.learning.safe_npz import read_safe_npz
 
 
 class Call:
@@ -47,7 +47,7 @@ def test_object_arrays_of_numbers_come_back_as_they_were(tmp_path, protocol):
     rng = np.random.default_rng(0)
     arrays = [rng.normal(size=(5, 3)), np.asfortranarray(rng.normal(size=(4, 2))), np.arange(6, dtype=">i4"), np.eye(0)]
     payload = pickle.dumps(object_array(*arrays), protocol)
-    read = read_archive(npz(tmp_path / "a.npz", tracks=npy_of_pickle(payload, (4,))), ["tracks"])["tracks"]
+    read = read_safe_npz(npz(tmp_path / "a.npz", tracks=npy_of_pickle(payload, (4,))), ["tracks"])["tracks"]
     assert len(read) == 4
     for got, wanted in zip(read, arrays, strict=True):
         np.testing.assert_array_equal(got, wanted)
@@ -58,7 +58,7 @@ def test_numpys_own_files_are_read(tmp_path):
     path = tmp_path / "a.npz"
     ragged = object_array(np.zeros((3, 2)), np.ones((5, 2)))
     np.savez_compressed(path, ragged=ragged, plain=np.arange(3.0), names=np.array(["a", "bc"]), empty=object_array())
-    read = read_archive(path, ["ragged", "plain", "names", "empty"])
+    read = read_safe_npz(path, ["ragged", "plain", "names", "empty"])
     assert [part.shape for part in read["ragged"]] == [(3, 2), (5, 2)]
     assert read["plain"].tolist() == [0, 1, 2]
     assert read["names"].tolist() == ["a", "bc"]
@@ -77,7 +77,7 @@ def test_a_hostile_pickle_is_refused_and_nothing_of_it_runs(tmp_path, protocol, 
     witness.unlink()
     path = npz(tmp_path / "hostile.npz", tracks=npy_of_pickle(payload))
     with pytest.raises(DatasetError, match="nothing of it was run") as refused:
-        read_archive(path, ["tracks"])
+        read_safe_npz(path, ["tracks"])
     assert not witness.exists()
     assert "\n" not in str(refused.value)
 
@@ -95,7 +95,7 @@ def test_a_hostile_pickle_is_refused_and_nothing_of_it_runs(tmp_path, protocol, 
 def test_no_other_function_is_admitted(tmp_path, call):
     path = npz(tmp_path / "a.npz", tracks=npy_of_pickle(pickle.dumps(call)))
     with pytest.raises(DatasetError, match="not needed to store numbers"):
-        read_archive(path, ["tracks"])
+        read_safe_npz(path, ["tracks"])
 
 
 @pytest.mark.parametrize(
@@ -111,34 +111,34 @@ def test_no_other_function_is_admitted(tmp_path, call):
 def test_only_numbers_and_text_are_admitted(tmp_path, value, said):
     path = npz(tmp_path / "a.npz", tracks=npy_of_pickle(pickle.dumps(object_array(value))))
     with pytest.raises(DatasetError, match=said):
-        read_archive(path, ["tracks"])
+        read_safe_npz(path, ["tracks"])
 
 
 def test_a_claimed_shape_larger_than_the_content_is_refused(tmp_path):
     payload = pickle.dumps(object_array(np.zeros((3, 2))), 3).replace(b"K\x03K\x02\x86", b"J\xff\xff\xff\x7fK\x02\x86")
     with pytest.raises(DatasetError, match="broken array"):
-        read_archive(npz(tmp_path / "a.npz", tracks=npy_of_pickle(payload)), ["tracks"])
+        read_safe_npz(npz(tmp_path / "a.npz", tracks=npy_of_pickle(payload)), ["tracks"])
 
 
 def test_a_huge_memo_index_costs_nothing(tmp_path):
     payload = b"\x80\x02]r\xff\xff\xff\x7f."  # an empty list, remembered under number 2^31 - 1
     with pytest.raises(DatasetError, match="no array"):
-        read_archive(npz(tmp_path / "a.npz", tracks=npy_of_pickle(payload)), ["tracks"])
+        read_safe_npz(npz(tmp_path / "a.npz", tracks=npy_of_pickle(payload)), ["tracks"])
 
 
 def test_a_zip_bomb_is_refused_unread(tmp_path, monkeypatch):
-    monkeypatch.setattr("mild_core.learning.archive.LARGEST_BYTES", 1000)
+    monkeypatch.setattr("mild_core.learning.safe_npz.LARGEST_BYTES", 1000)
     np.savez_compressed(tmp_path / "a.npz", tracks=np.zeros(1000))
     with pytest.raises(DatasetError, match=r"unpacks to .*, more than 1 kB"):
-        read_archive(tmp_path / "a.npz", ["tracks"])
+        read_safe_npz(tmp_path / "a.npz", ["tracks"])
 
 
 def test_an_absent_file_and_an_absent_array_are_named(tmp_path):
     with pytest.raises(DatasetError, match="no such file"):
-        read_archive(tmp_path / "none.npz", ["tracks"])
+        read_safe_npz(tmp_path / "none.npz", ["tracks"])
     np.savez(tmp_path / "a.npz", other=np.zeros(1))
     with pytest.raises(DatasetError, match=r"no array 'tracks' \(only other\)"):
-        read_archive(tmp_path / "a.npz", ["tracks"])
+        read_safe_npz(tmp_path / "a.npz", ["tracks"])
 
 
 def test_every_truncation_is_one_clear_line(tmp_path):
@@ -147,7 +147,7 @@ def test_every_truncation_is_one_clear_line(tmp_path):
     for length in range(0, len(whole) - 1, 7):
         (tmp_path / "cut.npz").write_bytes(whole[:length])
         with pytest.raises(DatasetError) as refused:
-            read_archive(tmp_path / "cut.npz", ["tracks"])
+            read_safe_npz(tmp_path / "cut.npz", ["tracks"])
         assert "\n" not in str(refused.value)
 
 
@@ -156,13 +156,13 @@ def test_every_truncated_pickle_is_one_clear_line(tmp_path):
     for length in range(len(payload)):
         path = npz(tmp_path / "cut.npz", tracks=npy_of_pickle(payload[:length]))
         with pytest.raises(DatasetError) as refused:
-            read_archive(path, ["tracks"])
+            read_safe_npz(path, ["tracks"])
         assert "\n" not in str(refused.value)
 
 
 def test_an_absent_array_is_reported_once(tmp_path: Path) -> None:
     np.savez(tmp_path / "a.npz", train_data=np.zeros(2))
     with pytest.raises(DatasetError) as error:
-        read_archive(tmp_path / "a.npz", ("train_data", "test_data"))
+        read_safe_npz(tmp_path / "a.npz", ("train_data", "test_data"))
     assert "has no array 'test_data' (only train_data)" in str(error.value)
     assert "broken" not in str(error.value)

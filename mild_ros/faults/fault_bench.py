@@ -2,7 +2,8 @@
 """What stands around real nodes: a person before a tracker, a robot's report, an operator who reads; all may fail.
 
 This process plays the tracker, says or passes on where the robot is, and writes down what is commanded, in which mode,
-and what the diagnostics count. How time passes is up to the two kinds of rooms: `live_room.py`, `replayed_room.py`.
+and what the diagnostics count. How time passes is up to the two kinds of benches: `live_fault_bench.py`,
+`replayed_fault_bench.py`.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from mild_core.shapes import FloatArray
 from mild_core.signals import JointMeasurement
 from mild_ros.faults.encoded_people import EncodedPeople
 from mild_ros.faults.judge import Command
-from mild_ros.faults.people import HANDSHAKE, TRACKER_HZ, Human, People
+from mild_ros.faults.people import HANDSHAKE, TRACKER_HZ, People, SimulatedPerson
 from mild_ros.faults.table import Fault
 from mild_ros.messages.joint_state import joint_measurement_to_msg
 from mild_ros.messages.stamps import ns_from_msg
@@ -57,7 +58,7 @@ START_S = 300.0
 """For nodes to start: the first start compiles, and a busy machine takes its time."""
 
 
-class Room(ABC):
+class FaultBench(ABC):
     """All processes, and the time in which they live.
 
     Args:
@@ -76,7 +77,7 @@ class Room(ABC):
     def __init__(self, nodes: Nodes, domain: int, names: Sequence[str]) -> None:
         self.commands: list[Command] = []
         self.modes: list[tuple[int, str]] = []
-        self.human = Human()
+        self.human = SimulatedPerson()
         self.heard_rad: FloatArray = ROBOT.home_rad
         self.longest_pause_s = 0.0
         self._nodes, self._encoded, self._names = nodes, EncodedPeople(), set(names)

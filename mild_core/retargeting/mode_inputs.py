@@ -5,12 +5,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from mild_core.retargeting.human_track import LOST_S
 from mild_core.retargeting.modes import Mode, Situation
-from mild_core.retargeting.person import LOST_S
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.retargeting.start_gate import start_refusal, way_of
 from mild_core.retargeting.state import RetargetingState
-from mild_core.retargeting.watchdog import fresh, known
+from mild_core.retargeting.timeouts import fresh, known
 from mild_core.shapes import FloatArray
 
 

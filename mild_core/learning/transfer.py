@@ -42,7 +42,7 @@ def start_of(configuration: Configuration) -> dict[str, NDArray[Any]]:
     return hidden_layers(Path(configuration.start_from)) if configuration.start_from else {}
 
 
-def carry_over(networks: MemberNetworks, arrays: Mapping[str, NDArray[Any]]) -> tuple[str, ...]:
+def transfer_layers(networks: MemberNetworks, arrays: Mapping[str, NDArray[Any]]) -> tuple[str, ...]:
     """Start from another model's layers wherever both have a hidden one of the same name and size.
 
     The last layer of a network is left alone: what it gives means something else in another model.

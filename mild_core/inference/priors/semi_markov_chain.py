@@ -100,7 +100,7 @@ def expect(chain: SemiMarkovChain, log_emissions: FloatArray, lengths: Sequence[
     Raises:
         ValueError: When the lengths do not sum to N.
 
-    Source: METHOD section 2, explicit-duration forward pass; Yu (2010), section 2.2.
+    Source: explicit-duration forward pass; Yu (2010), section 2.2.
     """
     require_shape("log_emissions", log_emissions, (sum(lengths), chain.components))
     responsibilities, largest = np.empty_like(log_emissions), np.empty(len(log_emissions))

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mild_core.retargeting.kept_limits import broken_limits
+from mild_core.retargeting.limit_check import exceeded_limits
 from mild_core.retargeting.robots.yumi import YUMI
 
 JOINTS = len(YUMI.joint_names)
@@ -52,7 +52,7 @@ def test_a_derivative_is_judged_to_the_thousandth_at_any_spacing(name, derivativ
     robot = replace(ROBOT, **{LIMITS[name]: np.full(JOINTS, LIMIT)})
     for share, broken in ((0.999, False), (1.001, True)):
         positions, velocities = curve(joint, tuple(sign * share * LIMIT * one for one in derivative))
-        found = named(broken_limits(robot, STAMPS_NS, positions, velocities))
+        found = named(exceeded_limits(robot, STAMPS_NS, positions, velocities))
         assert (name in found) == broken
         assert found <= {name, f"{name} as said", "position after velocity"}
 
@@ -62,32 +62,34 @@ def test_a_position_may_reach_its_limit_and_not_pass_it(limit, sign):
     robot = replace(ROBOT, **{limit: np.full(JOINTS, sign)})
     for beyond, broken in ((0.0, set()), (1e-9, {"position"})):
         positions, velocities = curve(3, (sign * (1.0 + beyond),))
-        assert named(broken_limits(robot, STAMPS_NS, positions, velocities)) == broken
+        assert named(exceeded_limits(robot, STAMPS_NS, positions, velocities)) == broken
 
 
 def test_a_velocity_that_is_not_that_of_the_positions_is_found():
     robot = replace(ROBOT, acceleration_rad_s2=np.full(JOINTS, LIMIT))
     positions, velocities = curve(2, (0.0, 0.5))
-    assert broken_limits(robot, STAMPS_NS, positions, velocities) == ()
-    assert named(broken_limits(robot, STAMPS_NS, positions, 1.2 * velocities)) == {"position after velocity"}
+    assert exceeded_limits(robot, STAMPS_NS, positions, velocities) == ()
+    assert named(exceeded_limits(robot, STAMPS_NS, positions, 1.2 * velocities)) == {"position after velocity"}
     one_off = velocities.copy()
     one_off[20, 2] += 1.2 * LIMIT * 0.02
-    assert "acceleration as said" in named(broken_limits(robot, STAMPS_NS, positions, one_off))
+    assert "acceleration as said" in named(exceeded_limits(robot, STAMPS_NS, positions, one_off))
 
 
 def test_a_velocity_beyond_its_limit_is_found_where_the_positions_keep_it():
     robot = replace(ROBOT, velocity_rad_s=np.full(JOINTS, LIMIT))
     positions, velocities = curve(2, (0.0, 0.5))
     velocities[5, 4] = -1.001 * LIMIT
-    assert "velocity as said" in named(broken_limits(robot, STAMPS_NS, positions, velocities))
+    assert "velocity as said" in named(exceeded_limits(robot, STAMPS_NS, positions, velocities))
 
 
 @pytest.mark.parametrize("spoil", [lambda p, v: (p * np.nan, v), lambda p, v: (p, v + np.inf)])
 def test_what_is_no_number_is_within_no_limit(spoil):
-    assert broken_limits(ROBOT, STAMPS_NS, *spoil(*curve(0, (0.0, 0.5)))) == ("a command is not finite",)
+    assert exceeded_limits(ROBOT, STAMPS_NS, *spoil(*curve(0, (0.0, 0.5)))) == ("a command is not finite",)
 
 
 def test_commands_that_do_not_follow_each_other_are_found():
     stamps_ns = STAMPS_NS.copy()
     stamps_ns[7] = stamps_ns[6]
-    assert broken_limits(ROBOT, stamps_ns, *curve(0, (0.0,))) == ("a command's stamp is not later than the one before",)
+    assert exceeded_limits(ROBOT, stamps_ns, *curve(0, (0.0,))) == (
+        "a command's stamp is not later than the one before",
+    )

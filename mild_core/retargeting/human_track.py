@@ -25,7 +25,7 @@ LONGEST_GUESS_S = 0.15
 """A hand goes on at its speed for no longer than this: then it may have turned."""
 
 WITHDRAWING_S = 0.15
-"""So far ahead it is looked whether a hand is on its way back."""
+"""Look-ahead for deciding whether the hand is being withdrawn [s]."""
 
 OFFERED = 0.7
 """A hand is offered while it is at least this share of the way from its rest that it has come at most."""
@@ -46,7 +46,7 @@ Point = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
-class Standing:
+class AssumedPlacement:
     """Where a person's calibrated shoulder stands in the robot's base frame, if the camera's pose is unknown.
 
     Attributes:
@@ -87,7 +87,7 @@ class Standing:
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
+class HumanTrack:
     """What is known of the person, in the frame of the message.
 
     Attributes:
@@ -126,7 +126,7 @@ class Sight:
         """How long the hand has stayed where it is."""
         return (self.hand_ns - self.still_ns) * 1e-9
 
-    def at_rest_here(self) -> Sight:
+    def at_rest_here(self) -> HumanTrack:
         """The same person, who rests the hand where it is now."""
         return replace(self, rest_m=self.hand_m, raised=False, farthest_m=0.0)
 
@@ -135,7 +135,7 @@ class Sight:
         soon_m = self.hand_m + WITHDRAWING_S * self.velocity_m_s
         return self.raised and math.dist(soon_m, self.rest_m) >= OFFERED * self.farthest_m
 
-    def after(self, pose: PersonPose, received_ns: int) -> Sight:
+    def after(self, pose: PersonPose, received_ns: int) -> HumanTrack:
         """With one more pose of the same person; what it hides stays where it was."""
         if not np.isfinite(pose.hand_m).all():
             return replace(self, received_ns=received_ns)
@@ -159,7 +159,7 @@ class Sight:
         )
         return seen._with_rest()
 
-    def _with_rest(self) -> Sight:
+    def _with_rest(self) -> HumanTrack:
         """Whether the hand is raised now."""
         away_m = math.dist(self.hand_m, self.rest_m)
         if not self.raised:
@@ -171,15 +171,15 @@ class Sight:
         return replace(self, farthest_m=away_m) if away_m > self.farthest_m else self
 
 
-def first_sight(pose: PersonPose, received_ns: int) -> Sight | None:
+def first_sight(pose: PersonPose, received_ns: int) -> HumanTrack | None:
     """What is known after the first pose with a hand, which is taken to rest; None when it shows none."""
     if not np.isfinite(pose.hand_m).all():
         return None
     hand, still, stamp_ns = pose.hand_m, np.zeros(3), pose.stamp_ns
-    return Sight(pose.frame_id, received_ns, stamp_ns, hand, still, hand, False, 0, 0.0, hand, stamp_ns)
+    return HumanTrack(pose.frame_id, received_ns, stamp_ns, hand, still, hand, False, 0, 0.0, hand, stamp_ns)
 
 
-def seen_again(sight: Sight | None, pose: PersonPose, received_ns: int) -> Sight | None:
+def seen_again(sight: HumanTrack | None, pose: PersonPose, received_ns: int) -> HumanTrack | None:
     """What is known after one more pose, of the same person or, in another frame or at another time, a new one.
 
     A pose without a tracked person says nothing of them: they may be back in the next.

@@ -28,7 +28,7 @@ def lengths(epochs: int, doublings: int) -> tuple[int, ...]:
     return tuple(sorted(shorter)) if doublings else ()
 
 
-def levelled_off(errors: Sequence[float]) -> bool:
+def converged(errors: Sequence[float]) -> bool:
     """Whether the last of `errors`, each after twice as many epochs, is no clearly better one."""
     return len(errors) > 1 and not errors[-1] < errors[-2] * (1.0 - LEAST_GAIN)
 

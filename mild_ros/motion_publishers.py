@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from mild_core.pipeline import PipelineOutput
 
 
-class MotionTopics:
+class MotionPublishers:
     """Publishers of a motion.
 
     Args:
@@ -66,7 +66,7 @@ class MotionTopics:
         )
 
 
-class InsideTopics:
+class IntermediatePublishers:
     """What passes between the stages inside a pipeline, for those who listen: building it costs more than inferring it.
 
     Args:
@@ -75,7 +75,7 @@ class InsideTopics:
         wanted: Whether to publish windows and motions at all.
     """
 
-    def __init__(self, node: Node, topics: MotionTopics, wanted: bool) -> None:
+    def __init__(self, node: Node, topics: MotionPublishers, wanted: bool) -> None:
         self._topics, self._wanted = topics, wanted
         self._windows = node.create_publisher(PointCloud2, "feature_window", BETWEEN_STAGES)
         self._person = node.create_publisher(PointCloud2, "person", BETWEEN_STAGES)

@@ -20,7 +20,7 @@ TakeArray = Callable[[str, tuple[int | None, ...]], FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
-class Territory:
+class NoveltyDetector:
     """Where the windows of each interaction lie.
 
     Attributes:
@@ -59,11 +59,11 @@ class Territory:
         """(P,) initial score: no novelty yet."""
         return read_only(np.zeros(len(self._first[0])))
 
-    def follow(self, strayed: FloatArray, window: FloatArray) -> FloatArray:
+    def follow(self, novelty: FloatArray, window: FloatArray) -> FloatArray:
         """Take one window.
 
         Args:
-            strayed: (P,) fading mean of the squared distances from each interaction, in units of `reach` squared.
+            novelty: (P,) fading mean of the squared distances from each interaction, in units of `reach` squared.
             window: (W, D) features.
 
         Returns:
@@ -73,21 +73,21 @@ class Territory:
         point = window.ravel() @ self.weight + self.bias
         squares = norms - self.centres @ (2.0 * point) + point @ point
         nearest = np.minimum.reduceat(squares, first)
-        return read_only(self.kept * strayed + ((1.0 - self.kept) / self.reach**2) * np.maximum(nearest, 0.0))
+        return read_only(self.kept * novelty + ((1.0 - self.kept) / self.reach**2) * np.maximum(nearest, 0.0))
 
-    def score(self, strayed: FloatArray) -> float:
+    def score(self, novelty: FloatArray) -> float:
         """Root mean squared distance from the interaction that is nearest on the whole; above 1 it is none of them."""
-        return float(np.sqrt(strayed.min()))
+        return float(np.sqrt(novelty.min()))
 
     def to_arrays(self) -> dict[str, FloatArray]:
-        """What `take_territory` takes."""
+        """What `take_novelty_detector` takes."""
         arrays = {"weight": self.weight, "bias": self.bias, "centres": self.centres, "owners": self.owners}
         return {f"territory.{name}": a for name, a in arrays.items()} | {
             "territory.scale": np.array([self.reach, self.kept])
         }
 
 
-def take_territory(take: TakeArray, window_values: int, interactions: int) -> Territory:
+def take_novelty_detector(take: TakeArray, window_values: int, interactions: int) -> NoveltyDetector:
     """Put a territory together from a model's arrays.
 
     Raises:
@@ -99,4 +99,4 @@ def take_territory(take: TakeArray, window_values: int, interactions: int) -> Te
     reach, kept = take("territory.scale", (2,)).tolist()
     if len(set(owners.tolist())) != interactions:
         raise ValueError("array territory.owners does not name every interaction")
-    return Territory(weight, take("territory.bias", weight.shape[1:]), centres, owners, reach, kept)
+    return NoveltyDetector(weight, take("territory.bias", weight.shape[1:]), centres, owners, reach, kept)

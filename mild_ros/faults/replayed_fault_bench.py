@@ -14,7 +14,7 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Header
 
 from mild_core.signals import JointMeasurement
-from mild_ros.faults.room import ROBOT, Room, stage_parameters
+from mild_ros.faults.fault_bench import ROBOT, FaultBench, stage_parameters
 from mild_ros.faults.table import Fault
 from mild_ros.messages.stamps import time_to_msg
 from mild_ros.processes import Nodes
@@ -31,7 +31,7 @@ PATIENCE_S = 1.0
 """A message without an outcome within this time was dropped: trackers and clocks are best effort."""
 
 
-class ReplayedRoom(Room):
+class ReplayFaultBench(FaultBench):
     """As in a replay, with a robot that is where it was commanded to be."""
 
     def __init__(self, nodes: Nodes, domain: int) -> None:

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from mild_core.perception.gates import Body, Point, body_of, seen_joint
+from mild_core.perception.joint_validity import Body, Point, body_of, seen_joint
 from mild_core.signals import SkeletonFrame
 
 TRUNK = ("pelvis", "chest", "left_shoulder", "right_shoulder", "head")
@@ -28,7 +28,7 @@ Trunk = tuple[Point | None, ...]
 
 
 @dataclass(frozen=True)
-class Lock:
+class PersonTrack:
     """The watched person as last seen.
 
     Attributes:
@@ -47,7 +47,7 @@ class Lock:
     received_ns: int
 
 
-class Seen(NamedTuple):
+class Detection(NamedTuple):
     """A person in a message, and where their `TRUNK` is [m]."""
 
     person: SkeletonFrame
@@ -55,15 +55,15 @@ class Seen(NamedTuple):
     trunk_m: Trunk
 
 
-def locked_on(lock: Lock | None, seen: Seen, received_ns: int) -> Lock:
+def track_from(lock: PersonTrack | None, seen: Detection, received_ns: int) -> PersonTrack:
     """The lock after this frame; parts of the trunk that it hides stay where they were."""
     trunk, person = seen.trunk_m, seen.person
     if lock is not None and None in trunk:
         trunk = tuple(new or old for new, old in zip(trunk, lock.trunk_m, strict=True))
-    return Lock(person.person_id, person.frame_id, trunk, person.stamp_ns, received_ns)
+    return PersonTrack(person.person_id, person.frame_id, trunk, person.stamp_ns, received_ns)
 
 
-def find_person(lock: Lock | None, everyone: Sequence[Seen], reach_m: float) -> Seen | None:
+def find_person(lock: PersonTrack | None, everyone: Sequence[Detection], reach_m: float) -> Detection | None:
     """The watched person among people; without a lock the one nearest to the origin of the axes.
 
     Args:
@@ -91,10 +91,10 @@ def find_person(lock: Lock | None, everyone: Sequence[Seen], reach_m: float) -> 
     return best
 
 
-def seen_person(person: SkeletonFrame) -> Seen:
+def detection_of(person: SkeletonFrame) -> Detection:
     """A person of a message."""
     body = body_of(person)
-    return Seen(person, body, tuple([seen_joint(body, name) for name in TRUNK]))
+    return Detection(person, body, tuple([seen_joint(body, name) for name in TRUNK]))
 
 
 def apart_m(one: Trunk, other: Trunk) -> float | None:
@@ -110,6 +110,6 @@ def apart_m(one: Trunk, other: Trunk) -> float | None:
     return distances[half] if len(distances) % 2 else (distances[half - 1] + distances[half]) / 2.0
 
 
-def _distance_from_origin(seen: Seen) -> float:
+def _distance_from_origin(seen: Detection) -> float:
     places = [math.hypot(*place) for place in seen.trunk_m if place is not None]
     return min(places, default=math.inf)

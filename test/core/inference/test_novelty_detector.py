@@ -8,12 +8,12 @@ import pytest
 
 from mild_core.errors import ModelError
 from mild_core.inference.model import build_model
+from mild_core.inference.novelty_detector import NoveltyDetector
 from mild_core.inference.stage import Inference
-from mild_core.inference.territory import Territory
 from mild_core.signals import FeatureWindow
 from test.core.inference.random_model import INTERACTIONS, manifest, paper_member, random_arrays
 
-LINE = Territory(
+LINE = NoveltyDetector(
     weight=np.ones((2, 1)),
     bias=np.zeros(1),
     centres=np.array([[0.0], [1.0], [10.0]]),
@@ -25,10 +25,10 @@ LINE = Territory(
 
 
 def followed(places):
-    strayed = LINE.init()
+    novelty = LINE.init()
     for place in places:
-        strayed = LINE.follow(strayed, np.array([[place, 0.0]]))
-    return strayed
+        novelty = LINE.follow(novelty, np.array([[place, 0.0]]))
+    return novelty
 
 
 def test_the_mean_of_squared_distances_fades_and_each_interaction_has_its_own():
@@ -50,7 +50,7 @@ def made():
     described = manifest((paper_member(),), components=3)
     rng = np.random.default_rng(0)
     count, values = len(INTERACTIONS), described.window * described.frame_values
-    territory = Territory(
+    territory = NoveltyDetector(
         rng.normal(size=(values, 4)) / values,
         np.zeros(4),
         np.zeros((2 * count, 4)),

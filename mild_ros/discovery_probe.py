@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`python -m mild_ros.hearing`: who is heard over DDS, for `mild doctor`, which asks in processes of their own.
+"""Discovery over DDS for `mild doctor`, in a process of its own (`python -m mild_ros.discovery_probe`).
 
-    python -m mild_ros.hearing hello NAME SECONDS [WANTED]   says NAME, prints the names that it hears
-    python -m mild_ros.hearing reports SECONDS               prints the newest report of each node on /diagnostics
-    python -m mild_ros.hearing senders SECONDS               prints which node publishes what, and what arrived of it
+One of:
+
+    hello NAME SECONDS [WANTED]   says NAME, prints the names that it hears
+    reports SECONDS               prints the newest report of each node on /diagnostics
+    senders SECONDS               prints which node publishes what, and what arrived of it
 
 Each prints one line of JSON to standard output, and nothing else: what Fast DDS prints goes to standard error.
 """

@@ -15,7 +15,7 @@ from typing import Any
 from sensor_msgs.msg import JointState
 
 from mild_core.signals import JointMeasurement
-from mild_ros.faults.room import ROBOT, Room, stage_parameters
+from mild_ros.faults.fault_bench import ROBOT, FaultBench, stage_parameters
 from mild_ros.faults.table import Fault
 from mild_ros.messages.joint_state import joint_measurement_from_msg
 from mild_ros.processes import Nodes
@@ -35,7 +35,7 @@ COUNTING = (sys.executable, "-P", "-S", "-E", "-c", "while True: pass")
 """Keeps a core busy."""
 
 
-class LiveRoom(Room):
+class LiveFaultBench(FaultBench):
     """As on a real robot."""
 
     def __init__(self, nodes: Nodes, domain: int) -> None:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mild_core.perception.identity import apart_m
+from mild_core.perception.person_tracker import apart_m
 from mild_core.perception.stage import Perception
 from mild_core.signals import FeatureWindow, SkeletonFrame
 from test.core.perception.scene import PERSON, SECOND, SETTINGS, People, at_rate, run, seen

@@ -31,7 +31,7 @@ def known(state: RetargetingState, settings: RetargetingSettings, now_ns: int) -
     return since_ns is None or (now_ns - since_ns) * 1e-9 <= settings.unknown_after_s
 
 
-def with_ear(state: RetargetingState, settings: RetargetingSettings, now_ns: int) -> RetargetingState:
+def with_robot_timeout(state: RetargetingState, settings: RetargetingSettings, now_ns: int) -> RetargetingState:
     """The state that notices when a robot which said where it is has ceased to: what it does then is unknown."""
     if state.silent or not state.reports or state.measured_ns is None or state.mode is Mode.DISABLED:
         return state
