@@ -6,7 +6,7 @@ oscillation, and what the hand has done since it left its rest. A reservoir of l
 seconds, and two linear readouts classify the same activations:
 
     novelty      the known interactions and rest, learned without a background: how far the largest logit of a known one
-                 stands out tells foreign motions from known ones
+                 stands out separates foreign motions from known ones
     permission   the same and a background of other movements (reaching, walking, fidgeting): whether to start at all
 
 Everything is relative to the length of the arm, by the directions of its bones, and runs at 20 Hz whatever the rate of
@@ -81,8 +81,9 @@ are smaller. A twentieth of the known motions of people left out lie below. Sour
 "Scaling out-of-distribution detection for real-world settings", ICML 2022."""
 
 CAUTIOUS_LOG_ODDS, CAUTIOUS_S = 1.0, 0.5
-"""What `permit` must exceed its bound by, and for how long, before somebody starts who is watched with caution. Chosen
-on people left out: 85 % of NuiSI's and 80 % of v1's greetings are still named within 4 s."""
+"""By how much, and for how long [s], `permit` must exceed its bound before a start with `cautious`. Picked
+from 11 settings by the figures on people left out, handovers included: 85 % of NuiSI's and 80 % of v1's greetings are
+still named within 4 s, which is no independent estimate."""
 
 DOUBT = 2.0
 """How far the log-odds may fall below the bound before an interaction that has started is given up."""
@@ -291,7 +292,7 @@ class GestureRecogniser:
             state: Before it.
             arm: (3, 3) a frame of `unit_arm`.
             stamp_ns: Of it, later than the one before.
-            cautious: Whether more evidence is asked for before somebody starts, see `CAUTIOUS_LOG_ODDS`.
+            cautious: Whether an interaction needs more evidence to start, see `CAUTIOUS_LOG_ODDS`.
         """
         if state.stamp_ns is None:
             state = replace(state, stamp_ns=stamp_ns, next_ns=stamp_ns, arm=arm)
