@@ -189,6 +189,10 @@ class MotionWindow:
         out_of_distribution: Distance of the human's motion from all that the model knows, in units of the largest
             distance it should see: above 1 is unknown.
         state: One of `RECOGNITION_STATES`.
+        radii: Mahalanobis distances in `covariance` within which half and nine tenths of the true values lie, in people
+            whom the model has not learned from; NaN where that is not known.
+        may_start: Whether what the person does may be taken for a known interaction, be it named or not yet. An offered
+            hand of which this is not so is not met, and a given interaction is followed slowly.
     """
 
     stamp_ns: int
@@ -203,6 +207,8 @@ class MotionWindow:
     phase: float
     out_of_distribution: float
     state: str = NAMED
+    radii: tuple[float, float] = (float("nan"), float("nan"))
+    may_start: bool = True
 
     def __post_init__(self) -> None:
         for name in ("positions", "covariance", "belief"):

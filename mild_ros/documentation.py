@@ -76,7 +76,8 @@ TOPICS = (
     ),
     Topic(
         *("motion_state", "sensor_msgs/PointCloud2", "inference", "retargeting"),
-        "with `motion`, equal stamp: interaction, probability, phase, out_of_distribution, state, belief, covariance",
+        "with `motion`, equal stamp: interaction, probability, phase, out_of_distribution, state, "
+        "radii of its 50 and 90 % regions, belief, covariance",
     ),
     Topic(
         "belief", "std_msgs/Float64MultiArray", "inference", "tools", "over the components of the interaction's prior"

@@ -90,6 +90,9 @@ class InferenceParameters:
 
     model: str = _MODEL
     interaction: str = parameter("auto", "An interaction of the model, or `auto` to recognise it.")
+    cautious: bool = parameter(
+        False, "Start by the name of an interaction alone, and on more evidence: fewer false starts, later ones."
+    )
     robot_joint_names: tuple[str, ...] = ROBOT_JOINT_NAMES
     report_handled: bool = _REPORT_HANDLED
 

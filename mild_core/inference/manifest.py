@@ -144,6 +144,8 @@ class Manifest:
         members: Networks by name, one mapping per member of the ensemble.
         robot_from_human: See `HumanPlacement`.
         training: Data, licence, split, seeds, revision: for people.
+        licence: Of all that was learned from, the recogniser's people included, as an SPDX expression: `NOASSERTION`
+            where a source states none; "" in folders written before it was kept.
         errors: Measured ones by protocol: for people.
         sha256: Of every other file in the folder.
     """
@@ -164,6 +166,7 @@ class Manifest:
     stride: int = 1
     rest_s: float = 0.0
     training: Mapping[str, Any] = field(default_factory=dict)
+    licence: str = ""
     errors: Mapping[str, Any] = field(default_factory=dict)
     sha256: Mapping[str, str] = field(default_factory=dict)
     format_version: int = FORMAT_VERSION

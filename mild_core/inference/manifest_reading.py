@@ -78,6 +78,7 @@ def parse_manifest(fields: Fields) -> Manifest:
         members=tuple(_member(member) for member in fields.objects("members", 16)),
         robot_from_human=read_placement(fields.object("robot_from_human"), interactions),
         training=fields.object("training").values,
+        licence=fields.text("licence") if fields.values.get("licence") else "",
         errors=fields.object("errors").values,
         sha256=_digests(fields.object("sha256")),
     )

@@ -41,6 +41,8 @@ class MildModel:
         forgetting: Share of the evidence that is kept from one frame to the next.
         covariance_scale: (P,) what the published covariance is multiplied with while an interaction goes on, so that
             its 90 % region holds nine true values of ten; by cross-validation, see `learning.uncertainty_calibration`.
+        radii: (P, 2) Mahalanobis distances in the published covariance within which half and nine tenths of the true
+            values lie, likewise.
         reservoir: What answers beside the members; None: they answer alone.
         start_pose: Correction by the robot's pose at the start; None: none.
         territory: Where the known interactions' windows lie; None: novelty is judged by the members alone.
@@ -53,6 +55,7 @@ class MildModel:
     temper: float
     forgetting: float
     covariance_scale: FloatArray
+    radii: FloatArray
     territory: NoveltyDetector | None = None
     reservoir: Reservoir | None = None
     start_pose: StartPose | None = None
@@ -79,7 +82,7 @@ def build_model(manifest: Manifest, arrays: Arrays) -> MildModel:
     Args:
         manifest: Says which arrays there are.
         arrays: `member_<i>.<network>.<layer>.<array>`, `member_<i>.prior.<interaction>.<array>`,
-            `member_<i>.latent_radius`; `residual_covariance`; and, optional, `covariance_scale`, `recognition`
+            `member_<i>.latent_radius`; `residual_covariance`; and, optional, `covariance_scale`, `radii`, `recognition`
             (temper, forgetting), `territory.<array>`, `reservoir.<array>`, `start_pose.<array>`, `gestures.<array>`.
 
     Raises:
@@ -99,6 +102,9 @@ def build_model(manifest: Manifest, arrays: Arrays) -> MildModel:
         scale = taken.array("covariance_scale", (interactions,), np.ones(interactions))
         if not (scale > 0.0).all():
             raise ValueError(f"array covariance_scale is {scale.tolist()}, not above zero")
+        radii = taken.array("radii", (interactions, 2), np.tile(gaussian_radii(size), (interactions, 1)))
+        if not ((radii > 0.0).all() and (radii[:, 0] <= radii[:, 1]).all()):
+            raise ValueError(f"array radii is {radii.tolist()}, not a smaller and a larger one above zero")
         territory = None
         if any(name.startswith("territory.") for name in arrays):
             territory = take_novelty_detector(taken.array, manifest.window * manifest.frame_values, interactions)
@@ -120,7 +126,17 @@ def build_model(manifest: Manifest, arrays: Arrays) -> MildModel:
         remedy = "take the folder as it was trained, or retrain it"
         raise ModelError(f"model {manifest.name}", str(error), remedy) from None
     rates = float(recognition[0]), float(recognition[1])
-    return MildModel(manifest, members, residual, *rates, scale, territory, reservoir, start_pose, gestures)
+    return MildModel(manifest, members, residual, *rates, scale, radii, territory, reservoir, start_pose, gestures)
+
+
+def gaussian_radii(values: int) -> tuple[float, float]:
+    """Mahalanobis distances within which half and nine tenths of a Gaussian of so many values lie.
+
+    Source: E. Wilson, M. Hilferty, "The Distribution of Chi-square", PNAS 1931; right to half a per cent.
+    """
+    share = 2.0 / (9.0 * values)
+    half, most = (float((values * (1.0 - share + z * share**0.5) ** 3) ** 0.5) for z in (0.0, 1.2815516))
+    return half, most
 
 
 class _Taken:

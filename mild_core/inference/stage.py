@@ -47,8 +47,11 @@ NEAR, FAR = 0.4, 1.2
 """Distance from what the model learned from up to which its own evidence counts in full, and from which not at all.
 Chosen, like the two below, on people of one data set with models of another."""
 
-KNOWN, UNKNOWN = 0.5, 2.0
-"""Largest out-of-distribution score of a motion that is taken for a known one, and that of any other."""
+KNOWN = 0.5
+"""Largest out-of-distribution score of a motion that is taken for a known one; that of any other is above 1."""
+
+MOST_WIDENED = 3.0
+"""So many times wider than usual, and once, is the covariance of a given interaction that is not the one performed."""
 
 OWN_NATS = 4.0
 """Most by which the model's own evidence can speak against an interaction."""
@@ -73,6 +76,7 @@ class Inference:
     Attributes:
         model: A trained model.
         interaction: One of its interactions, or "auto" to recognise it.
+        cautious: Whether an interaction starts by its name alone, on more evidence: fewer false starts, later ones.
         joint_velocity_rad_s: (J,) largest speeds of the robot's joints, by which its messages are doubted; empty when
             they are unknown.
 
@@ -83,6 +87,7 @@ class Inference:
     model: MildModel
     interaction: str = AUTO
     joint_velocity_rad_s: tuple[float, ...] = ()
+    cautious: bool = False
 
     def __post_init__(self) -> None:
         self.model.manifest.check_interaction(self.interaction)
@@ -160,11 +165,16 @@ class Inference:
         own = self._recognise(before.recognition, found, given, seen)
         novelty, ood_score = self._stray(before.novelty, given, found)
         familiar = self._familiar(own, ood_score) if seen.gestures is not None else ood_score <= 1.0
+        own_strangeness = ood_score
         recognition, ood_score = self._carried_over(own, ood_score, seen.gestures)
         generated = self._generate(found, recognition)
         answer = self._beside(generated, given, seen, recognition)
         state_name = self._state_name(recognition, familiar, seen.gestures, before)
-        motion = self._motion(given, recognition, ood_score, answer, state_name)
+        may_start = self._may_start(state_name, own_strangeness, seen.gestures)
+        if self.interaction != AUTO and not may_start:
+            wider = 1.0 + MOST_WIDENED * min(self._novelty(own_strangeness, seen.gestures) - 1.0, 1.0)
+            answer = replace(answer, covariance=wider * answer.covariance)
+        motion = self._motion(given, recognition, ood_score, answer, state_name, may_start)
         events = {**events, "accepted": 1, **({"unknown": 1} if ood_score > 1.0 else {})}
         if seen.rest is not None and is_waiting(seen.rest, self._rest_frames):
             seen = replace(before, rest=seen.rest, gestures=seen.gestures)
@@ -246,7 +256,8 @@ class Inference:
             rows = positions[-1:] if gestures.stamp_ns is not None else positions
             arms = unit_arm(rows.reshape(-1, 3, 3), sum(self.model.manifest.observed.bone_lengths_m))
             for age, arm in zip(range(len(arms) - 1, -1, -1), arms, strict=True):
-                gestures = self.model.gestures.step(gestures, arm, window.stamp_ns - age * self._period_ns)
+                stamp_ns = window.stamp_ns - age * self._period_ns
+                gestures = self.model.gestures.step(gestures, arm, stamp_ns, self.cautious)
         return replace(state, units=units, rest=rest, gestures=gestures)
 
     def _carried_over(
@@ -266,7 +277,22 @@ class Inference:
         log_odds = trust * own_nats + gestures.evidence[self.model.gesture_classes]
         weights = np.exp(log_odds - log_odds.max())
         known = gestures.active_s <= UNDECIDED_S or gestures.started or self._familiar(own, ood_score)
-        return Recognition(own.evidence, weights / weights.sum()), min(ood_score, KNOWN) if known else UNKNOWN
+        novelty = self._novelty(ood_score, gestures)
+        score = min(ood_score, KNOWN * min(novelty, 1.0)) if known else 1.0 + 0.5 * min(novelty, 2.0)
+        return Recognition(own.evidence, weights / weights.sum()), score
+
+    def _novelty(self, ood_score: float, gestures: GestureState | None) -> float:
+        """How unlike all that anybody does in a known interaction: 0 like most, above 1 too much so."""
+        if gestures is None or self.model.gestures is None:
+            return ood_score
+        return (1.0 - gestures.familiar) / (1.0 - float(self.model.gestures.bounds[1]))
+
+    def _may_start(self, name: str, ood_score: float, gestures: GestureState | None) -> bool:
+        """Whether the person may be taken to do a known interaction, for a motion in state `name`."""
+        if self.interaction != AUTO:
+            settled = gestures is None or gestures.active_s > UNDECIDED_S
+            return not settled or self._novelty(ood_score, gestures) <= 1.0
+        return name == NAMED or not self.cautious
 
     @staticmethod
     def _familiar(own: Recognition, ood_score: float) -> bool:
@@ -283,7 +309,7 @@ class Inference:
             return NAMED if recognition.probability >= DECIDED and familiar else NONE
         if gestures.active_s == 0.0:
             return RESTING
-        started = gestures.started or familiar
+        started = gestures.started or (familiar and not self.cautious)
         published = before.published
         same = published is not None and before.named and published.likeliest == recognition.likeliest
         if started and recognition.probability >= (DECIDED if same else CERTAIN):
@@ -365,9 +391,16 @@ class Inference:
         return novelty, max(ood_score, self.model.territory.score(novelty))
 
     def _motion(
-        self, window: FeatureWindow, recognition: Recognition, ood_score: float, generated: Generated, state_name: str
+        self,
+        window: FeatureWindow,
+        recognition: Recognition,
+        ood_score: float,
+        generated: Generated,
+        state_name: str,
+        may_start: bool = True,
     ) -> MotionWindow:
         manifest = self.model.manifest
+        regions = recognition.probabilities @ self.model.radii
         controlled = manifest.controlled
         rows = generated.motion if controlled.unit == "rad" else generated.motion.reshape(manifest.window, -1, 3)
         return MotionWindow(
@@ -383,6 +416,8 @@ class Inference:
             phase=generated.phase,
             out_of_distribution=ood_score,
             state=state_name,
+            radii=(float(regions[0]), float(regions[1])),
+            may_start=may_start,
         )
 
 

@@ -15,7 +15,8 @@ from torch.nn import functional
 from mild_core.compiled import compiled
 from mild_core.inference.networks import Float32Array
 from mild_core.learning.demonstration import Demonstration
-from mild_core.learning.settings import Augmentation
+from mild_core.learning.paired import told_again
+from mild_core.learning.settings import Augmentation, Paired
 from mild_core.learning.windows import Protocol
 from mild_core.shapes import FloatArray
 
@@ -35,6 +36,10 @@ class Tracks:
     controlled: Tensor
     alive: Tensor
     label: Tensor
+
+    def rows(self, chosen: Tensor) -> Tracks:
+        """Some of the trials (n,), in that order."""
+        return Tracks(self.observed[chosen], self.controlled[chosen], self.alive[chosen], self.label[chosen])
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,29 +86,62 @@ class Corpus:
         rate_hz: Of the protocol's frames.
         interactions: By label.
         tracks: All trials.
+        again: The same trials by other people, see `paired`: each of these like `tracks`.
+        share: Of what is drawn that comes from `again`.
     """
 
     protocol: Protocol
     rate_hz: float
     interactions: tuple[str, ...]
     tracks: Tracks
+    again: tuple[Tracks, ...] = ()
+    share: float = 0.0
+
+    @cached_property
+    def everything(self) -> Tracks:
+        """The trials as recorded, then by all others."""
+        parts = (self.tracks, *self.again)
+        names = ("observed", "controlled", "alive", "label")
+        return Tracks(*(torch.cat([getattr(part, name) for part in parts]) for name in names))
+
+    def drawn(self, copies: int) -> Tracks:
+        """All trials so many times, each by whoever is drawn. Draws from torch's global generator."""
+        trials = torch.arange(len(self.tracks.label)).repeat(copies)
+        if not self.again:
+            return self.tracks.rows(trials)
+        other = torch.rand(len(trials)) < self.share
+        who = torch.where(other, torch.randint(len(self.again), (len(trials),)) + 1, 0)
+        return self.everything.rows(trials + who * len(self.tracks.label))
 
 
-def corpus_of(demonstrations: Sequence[Demonstration], protocol: Protocol, interactions: Sequence[str]) -> Corpus:
-    """Put trials together.
+def corpus_of(
+    demonstrations: Sequence[Demonstration],
+    protocol: Protocol,
+    interactions: Sequence[str],
+    paired: Paired | None = None,
+    seed: int = 0,
+) -> Corpus:
+    """Put trials together, and by other people again where `paired` says how these differ.
 
     Raises:
         ValueError: There are none, or one shows an interaction that is not among `interactions`.
     """
     if not demonstrations:
         raise ValueError("there is no demonstration to learn from")
-    longest = max(d.frames for d in demonstrations)
+    rate_hz = demonstrations[0].rate_hz / protocol.keep_every
+    again = told_again(demonstrations, paired, seed) if paired is not None else ()
+    longest = max(d.frames for trials in (demonstrations, *again) for d in trials)
+    tracks = tuple(_tracks(trials, interactions, longest) for trials in (demonstrations, *again))
+    return Corpus(protocol, rate_hz, tuple(interactions), tracks[0], tracks[1:], paired.share if paired else 0.0)
+
+
+def _tracks(demonstrations: Sequence[Demonstration], interactions: Sequence[str], longest: int) -> Tracks:
+    """Trials padded to the longest."""
     observed = torch.stack([_padded(d.observed_m.reshape(d.frames, -1), longest) for d in demonstrations])
     controlled = torch.stack([_padded(d.controlled.reshape(d.frames, -1), longest) for d in demonstrations])
     alive = torch.stack([torch.arange(longest) < d.frames for d in demonstrations])
     label = torch.tensor([list(interactions).index(d.interaction) for d in demonstrations])
-    rate_hz = demonstrations[0].rate_hz / protocol.keep_every
-    return Corpus(protocol, rate_hz, tuple(interactions), Tracks(observed, controlled, alive, label))
+    return Tracks(observed, controlled, alive, label)
 
 
 def _padded(track: FloatArray, longest: int) -> Tensor:

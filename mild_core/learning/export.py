@@ -19,6 +19,7 @@ from mild_core.inference.manifest import (
     ObservedAgent,
     PriorSpec,
 )
+from mild_core.inference.motion_model import gaussian_radii
 from mild_core.inference.networks import LayerSpec
 from mild_core.learning.coordinates import Coordinates
 from mild_core.learning.corpus import corpus_of
@@ -49,6 +50,7 @@ class ModelFacts:
         side: Arm of the person.
         placement: Where the person stands.
         training: For people: data set, licence, split, trials, seeds, revision.
+        licence: Of all that was learned from, see `Manifest.licence`.
         errors: Measured ones, for people.
     """
 
@@ -57,6 +59,7 @@ class ModelFacts:
     side: str = "right"
     placement: HumanPlacement = ORIGIN
     training: Mapping[str, Any] = field(default_factory=dict)
+    licence: str = ""
     errors: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -66,6 +69,7 @@ def export(
     residual_covariance: FloatArray,
     facts: ModelFacts,
     covariance_scale: Mapping[str, float] = MappingProxyType({}),
+    radii: Mapping[str, Sequence[float]] = MappingProxyType({}),
 ) -> tuple[Manifest, Arrays]:
     """Put a trained model into the form that `inference.model.save_model` and `build_model` take.
 
@@ -75,11 +79,14 @@ def export(
         residual_covariance: (J, J) of the error by cross-validation [rad^2].
         facts: All else.
         covariance_scale: What the published covariance is multiplied with, by interaction; 1 where nothing is said.
+        radii: Of its two regions, by interaction, see `Calibration`; those of a Gaussian where nothing is said.
     """
     corpus = corpus_of(demonstrations, trained.protocol, trained.interactions)
     territory = territory_of(demonstrations, trained.protocol, trained.interactions, trained.seed)
     members, arrays = [], {"residual_covariance": np.asarray(residual_covariance, dtype=np.float64)}
     arrays["covariance_scale"] = np.array([covariance_scale.get(name, 1.0) for name in trained.interactions])
+    gaussian = gaussian_radii(residual_covariance.shape[0])
+    arrays["radii"] = np.array([radii.get(name, gaussian) for name in trained.interactions])
     arrays |= territory.to_arrays()
     if trained.reservoir is not None:
         arrays |= {name: array.astype(np.float32) for name, array in trained.reservoir.to_arrays().items()}
@@ -140,6 +147,7 @@ def _manifest(
         members=members,
         robot_from_human=facts.placement,
         training=facts.training,
+        licence=facts.licence,
         errors=facts.errors,
     )
 

@@ -53,8 +53,8 @@ class GestureSettings:
         noise: Largest deviation of the tracker's noise [arm lengths]; drawn for each copy.
         background: Synthetic arms that do none of the gestures.
         start_log_odds: Of a known gesture against rest and background, from which it may start.
-        familiar: Least mean probability of a known gesture two seconds after its beginning: a twentieth of the known
-            ones of people left out lie below.
+        familiar: Least `GestureState.familiar` of a known gesture two seconds after its beginning: a twentieth of the
+            known ones of people left out lie below.
         standing_s: Longest time of standing before a motion.
         epochs: Passes over all samples.
         learning_rate: Of AdamW at its start.
@@ -377,12 +377,12 @@ def _turning(frames: FloatArray, rng: np.random.Generator) -> FloatArray:
     return turned
 
 
-def _hanging(rng: np.random.Generator) -> FloatArray:
+def hanging(rng: np.random.Generator) -> FloatArray:
     """(3,) a hand that hangs beside the body [arm lengths], from the shoulder."""
     return np.array([rng.uniform(-0.05, 0.35), rng.uniform(-0.2, 0.05), -rng.uniform(0.85, 0.97)])
 
 
-def _arm_to(hand: FloatArray, shoulder: FloatArray, rng: np.random.Generator) -> FloatArray:
+def arm_to(hand: FloatArray, shoulder: FloatArray, rng: np.random.Generator) -> FloatArray:
     """Arms with the hand there; the elbow hangs, a little outwards."""
     outwards = np.array([rng.uniform(-0.3, 0.1), -rng.uniform(0.0, 0.7), -1.0])
     hand = hand + _wander(len(hand), 0.012, rng)
@@ -396,31 +396,31 @@ def _swinging(rng: np.random.Generator) -> FloatArray:
     ramp = np.clip((times - rng.uniform(0.0, 0.8)) / 0.8, 0.0, 1.0)
     angle = ramp * rng.uniform(0.15, 0.6) * np.sin(2 * np.pi * step_hz * times + rng.uniform(0, 6.3))
     angle = angle + ramp * rng.uniform(0.0, 0.2)
-    rest = _hanging(rng)
+    rest = hanging(rng)
     reach = float(np.linalg.norm(rest)) * (1.0 - 0.08 * np.maximum(angle, 0.0))
     tilt = np.arctan2(rest[0], -rest[2]) + angle
     hand = np.stack([reach * np.sin(tilt), np.full_like(tilt, rest[1]), -reach * np.cos(tilt)], axis=1)
     shoulder = np.cumsum(ramp)[:, None] / RATE_HZ * rng.uniform(0.0, 1.8) * np.array([1.0, 0.0, 0.0])
     shoulder = shoulder + (ramp * 0.03 * np.sin(4 * np.pi * step_hz * times))[:, None] * np.array([0.0, 0.0, 1.0])
-    return _arm_to(hand + shoulder, shoulder, rng)
+    return arm_to(hand + shoulder, shoulder, rng)
 
 
 def _reaching(rng: np.random.Generator) -> FloatArray:
     """To one to three places, with a stay at each, and back."""
-    rest = _hanging(rng)
+    rest = hanging(rng)
     places, stays = [_somewhere(rng) if rng.uniform() < 0.3 else rest], [rng.uniform(0.1, 1.0)]
     for _ in range(int(rng.integers(1, 4))):
         places.append(_somewhere(rng))
         stays.append(rng.uniform(0.1, 2.5))
     if rng.uniform() < 0.7:
         places, stays = [*places, rest], [*stays, rng.uniform(0.3, 1.0)]
-    hand = _through(places, stays, rng)
-    return _arm_to(hand, _leaning(hand, rng), rng)
+    hand = through(places, stays, rng)
+    return arm_to(hand, leaning(hand, rng), rng)
 
 
 def _handing(rng: np.random.Generator) -> FloatArray:
     """Walking up, passing or taking a thing before the body, and walking on."""
-    rest = _hanging(rng)
+    rest = hanging(rng)
     azimuth, elevation, reach = rng.uniform(-1.1, 0.8), rng.uniform(-0.8, 0.25), rng.uniform(0.5, 0.99)
     place = reach * np.array(
         [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)]
@@ -434,7 +434,7 @@ def _handing(rng: np.random.Generator) -> FloatArray:
         places, stays = [*places, carried], [*stays, rng.uniform(0.1, 1.5)]
     if rng.uniform() < 0.7:
         places, stays = [*places, rest], [*stays, rng.uniform(0.2, 2.0)]
-    hand = _through(places, stays, rng)
+    hand = through(places, stays, rng)
     times = np.arange(len(hand)) / RATE_HZ
     handled = np.clip(np.linalg.norm(hand - rest, axis=1) / 0.4, 0.0, 1.0)[:, None]
     hand = hand + handled * _wander(len(hand), rng.uniform(0.0, 0.06), rng, knot_s=rng.uniform(0.15, 0.5))
@@ -442,33 +442,33 @@ def _handing(rng: np.random.Generator) -> FloatArray:
     pace = rng.uniform(0.0, 1.8) * np.clip((arrived_s - times) / 0.8, 0.0, 1.0) * np.clip(times / 0.6, 0.0, 1.0)
     leaving = rng.uniform(-1.5, 0.8) * np.clip((times - arrived_s - rng.uniform(0.5, 2.5)) / 0.8, 0.0, 1.0)
     walked = np.cumsum(pace + leaving)[:, None] / RATE_HZ * np.array([1.0, rng.normal() * 0.2, 0.0])
-    shoulder = _leaning(hand, rng) + walked
-    return _arm_to(hand + shoulder, shoulder, rng)
+    shoulder = leaning(hand, rng) + walked
+    return arm_to(hand + shoulder, shoulder, rng)
 
 
 def _scratching(rng: np.random.Generator) -> FloatArray:
     """Head, neck, other arm or chest, rubbed a little; or something carried before the body."""
-    rest = _hanging(rng)
+    rest = hanging(rng)
     place = np.array([rng.uniform(0.05, 0.5), rng.uniform(0.0, 0.6), rng.uniform(-0.45, 0.5)])
     place = place / max(1.0, float(np.linalg.norm(place)) / 0.85)
-    hand = _through([rest, place, rest], [rng.uniform(0.1, 1.0), rng.uniform(0.8, 4.0), 0.5], rng)
+    hand = through([rest, place, rest], [rng.uniform(0.1, 1.0), rng.uniform(0.8, 4.0), 0.5], rng)
     rubbed = np.clip(1.0 - np.linalg.norm(hand - place, axis=1) / 0.1, 0.0, 1.0)
     times = np.arange(len(hand)) / RATE_HZ
     way = rng.normal(size=3)
     rub = rng.uniform(0.0, 0.05) * np.sin(2 * np.pi * rng.uniform(1.5, 4.0) * times) * rubbed
-    return _arm_to(hand + rub[:, None] * way / np.linalg.norm(way), _leaning(hand, rng), rng)
+    return arm_to(hand + rub[:, None] * way / np.linalg.norm(way), leaning(hand, rng), rng)
 
 
 def _fidgeting(rng: np.random.Generator) -> FloatArray:
     """Small movements around the rest."""
-    rest = _hanging(rng)
+    rest = hanging(rng)
     places = [
         rest,
         *(rest + rng.normal(size=3) * np.array([0.2, 0.12, 0.1]) for _ in range(int(rng.integers(1, 4)))),
         rest,
     ]
-    hand = _through(places, rng.uniform(0.1, 1.5, size=len(places)).tolist(), rng)
-    return _arm_to(hand, _leaning(hand, rng), rng)
+    hand = through(places, rng.uniform(0.1, 1.5, size=len(places)).tolist(), rng)
+    return arm_to(hand, leaning(hand, rng), rng)
 
 
 def _somewhere(rng: np.random.Generator) -> FloatArray:
@@ -479,7 +479,7 @@ def _somewhere(rng: np.random.Generator) -> FloatArray:
     )
 
 
-def _through(places: Sequence[FloatArray], stays_s: Sequence[float], rng: np.random.Generator) -> FloatArray:
+def through(places: Sequence[FloatArray], stays_s: Sequence[float], rng: np.random.Generator) -> FloatArray:
     """(T, 3) a hand that goes from place to place with the least jerk, and stays at each.
 
     Source: Flash and Hogan, "The coordination of arm movements", J. Neuroscience 1985.
@@ -496,7 +496,7 @@ def _through(places: Sequence[FloatArray], stays_s: Sequence[float], rng: np.ran
     return np.concatenate(parts)
 
 
-def _leaning(hand: FloatArray, rng: np.random.Generator) -> FloatArray:
+def leaning(hand: FloatArray, rng: np.random.Generator) -> FloatArray:
     """(T, 3) a shoulder that follows a far hand a little."""
     away = np.clip(np.linalg.norm(hand - hand[0], axis=1, keepdims=True), 0.0, 1.0)
     leaning: FloatArray = away * rng.uniform(0.0, 0.15) * np.array([1.0, 0.2, -0.3])

@@ -15,6 +15,7 @@ from mild_core.inference.gesture_recogniser import (
     RATE_HZ,
     UNDECIDED_S,
     GestureRecogniser,
+    GestureState,
 )
 from mild_core.learning.gestures import Arm, GestureSettings, background_arms, has_left_rest, train_gestures
 from mild_core.learning.people import STANDING_S
@@ -25,7 +26,7 @@ from mild_core.shapes import FloatArray
 NOISE = 0.004
 """Of the tracker, while an arm stands and later [arm lengths]."""
 
-START_WITHIN_S = 2.6
+START_WITHIN_S, CAUTIOUS_WITHIN_S = 2.6, 4.0
 BOOTSTRAP_DRAWS = 2000
 
 
@@ -37,15 +38,17 @@ class Played:
         gesture: What it does.
         right: (T,) whether the likeliest gesture is that, while the hand is away from its rest.
         started_s: When it was first taken for a known gesture, after the onset; infinite: never.
+        cautious_s: When it was first named where it is asked for more evidence; infinite: never.
         named_right: (M,) at `MOMENTS_S`, whether it has started and the likeliest is right.
         named_wrong: (M,) the same, and it is wrong.
         at_rest: Whether it started before the hand left its rest.
-        familiar: Mean probability of the likeliest gesture two seconds after the onset, or when the hand came back.
+        familiar: How familiar it looks two seconds after the onset, or when the hand came back.
     """
 
     gesture: str
     right: FloatArray
     started_s: float
+    cautious_s: float
     named_right: FloatArray
     named_wrong: FloatArray
     at_rest: bool
@@ -60,15 +63,11 @@ def play(recogniser: GestureRecogniser, arm: Arm, certain: float, seed: int = 0)
     away = np.concatenate([np.zeros(standing, dtype=bool), has_left_rest(arm.frames)])
     if not away.any():
         return None
-    states, state = [], recogniser.init()
-    for index, frame in enumerate(frames):
-        state = recogniser.step(state, frame, 10**9 + index * PERIOD_NS)
-        states.append(state)
+    states, cautious = _states(recogniser, frames, False), _states(recogniser, frames, True)
     onset = int(away.argmax())
     likeliest = [GESTURES[int(one.evidence.argmax())] == arm.gesture for one in states]
-    named = [
-        one.started and float(np.exp(one.evidence).max() / np.exp(one.evidence).sum()) >= certain for one in states
-    ]
+    named = [_names(one, certain) for one in states]
+    cautiously = [index for index, one in enumerate(cautious) if _names(one, certain)]
     places = [min(onset + round(after_s * RATE_HZ), len(states) - 1) for after_s in MOMENTS_S]
     started = [index for index, one in enumerate(states) if one.started]
     decided = [one for one in states[onset : onset + round(UNDECIDED_S * RATE_HZ) + 1] if one.active_s > 0.0]
@@ -76,11 +75,24 @@ def play(recogniser: GestureRecogniser, arm: Arm, certain: float, seed: int = 0)
         gesture=arm.gesture,
         right=np.array(likeliest, dtype=np.float64)[away],
         started_s=(started[0] - onset) / RATE_HZ if started else float("inf"),
+        cautious_s=(cautiously[0] - onset) / RATE_HZ if cautiously else float("inf"),
         named_right=np.array([named[place] and likeliest[place] for place in places], dtype=np.float64),
         named_wrong=np.array([named[place] and not likeliest[place] for place in places], dtype=np.float64),
         at_rest=bool(started) and started[0] < onset,
         familiar=decided[-1].familiar if decided else 1.0,
     )
+
+
+def _states(recogniser: GestureRecogniser, frames: FloatArray, cautious: bool) -> list[GestureState]:
+    states, state = [], recogniser.init()
+    for index, frame in enumerate(frames):
+        state = recogniser.step(state, frame, 10**9 + index * PERIOD_NS, cautious)
+        states.append(state)
+    return states
+
+
+def _names(state: GestureState, certain: float) -> bool:
+    return state.started and float(np.exp(state.evidence).max() / np.exp(state.evidence).sum()) >= certain
 
 
 def leave_sets_out(arms: Sequence[Arm], settings: GestureSettings, seeds: int, certain: float) -> dict[str, Any]:
@@ -125,6 +137,7 @@ def _figures(known: Sequence[Played], foreign: dict[str, list[Played]]) -> dict[
         ),
         "started_at_rest": float(np.mean([one.at_rest for one in known])),
         "started_in_time": float(np.mean([one.started_s <= START_WITHIN_S for one in known])),
+        "cautious_in_time": float(np.mean([one.cautious_s <= CAUTIOUS_WITHIN_S for one in known])),
         "started": float(np.mean([np.isfinite(one.started_s) for one in known])),
         "unknown": {
             name: {"area": found.area, "share": found.share}

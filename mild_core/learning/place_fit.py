@@ -91,7 +91,8 @@ def touching(hand_m: FloatArray) -> NDArray[np.bool_]:
     return near
 
 
-def _yaw(angle_rad: float) -> FloatArray:
+def turned_about_z(angle_rad: float) -> FloatArray:
+    """(3, 3) rotation about the vertical."""
     cosine, sine = math.cos(angle_rad), math.sin(angle_rad)
     return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
 
@@ -104,7 +105,7 @@ def _places(
     for trial in demonstrations:
         hand = hand_of(trial.observed_m, arm_lengths_m)
         tool = forward_kinematics(robot, trial.controlled, robot.tool_link)[:, :3, 3]
-        places.append((tool - hand @ _yaw(yaw).T)[touching(hand)].mean(axis=0))
+        places.append((tool - hand @ turned_about_z(yaw).T)[touching(hand)].mean(axis=0))
     return np.array(places)
 
 

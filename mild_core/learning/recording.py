@@ -65,7 +65,8 @@ class Recording:
         observed_side: "right" or "left" arm of the person.
         robot: Name in `retargeting.robots.ROBOTS`, or of a robot file; "" when the controlled agent is a second person.
         controlled_names: Controlled joints in the order of the recorded columns.
-        licence: What is known of it.
+        licence: What is known of it, for people.
+        spdx: The same as an SPDX expression; `NOASSERTION` where its publisher states none.
         source: Who recorded it and where it is published.
         read: From the file to demonstrations; raises DatasetError.
         protocols: How it is cut, by name: figures compare only within one of them.
@@ -88,6 +89,7 @@ class Recording:
     read: Callable[[Path], Demonstrations]
     protocols: Mapping[str, Protocol]
     placement: HumanPlacement | None = None
+    spdx: str = "NOASSERTION"
     download: Download | None = None
 
     @property

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Between epochs: the networks encode all trials as recorded, and the priors are re-estimated from the latents."""
+"""Between epochs: the networks encode all trials, unbent, and the priors are re-estimated from the latents."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from mild_core.shapes import FloatArray
 def refit(
     networks: MemberNetworks, objective: Objective, corpus: Corpus, before: FittedPriors | None
 ) -> tuple[FittedPriors, float]:
-    """Encode all trials as recorded and re-estimate each interaction's prior, from the last one if there is one.
+    """Encode all trials, unbent, and re-estimate each interaction's prior, from the last one if there is one.
 
     Returns:
         The priors, and the log-likelihood of the latents under them, by step [nats].
@@ -45,7 +45,7 @@ def refit(
 def encode(
     networks: MemberNetworks, objective: Objective, corpus: Corpus
 ) -> tuple[dict[str, list[FloatArray]], tuple[Tensor, Tensor], int]:
-    """Joint latents of all trials as recorded.
+    """Joint latents of all trials, unbent.
 
     Returns:
         By interaction, one (N, Z) of posterior means per trial and interleaved copy (at most two of these: neighbours
@@ -58,7 +58,7 @@ def encode(
     steps = 0
     with torch.no_grad():
         for first in sorted({0, stride // 2}):
-            batch = objective.projected(cut_tracks(corpus, corpus.tracks, first, stride))
+            batch = objective.projected(cut_tracks(corpus, corpus.everything, first, stride))
             human = networks.observe(objective.known(networks, batch))
             robot = networks.counterpart(batch.valid_of(batch.answer))
             joint = torch.cat([human.mean, robot.mean], dim=-1).double()

@@ -78,8 +78,8 @@ def fit_reservoir(
     settings = training.reservoir
     if settings is None:
         return None
-    corpus = corpus_of(demonstrations, protocol, interactions)
-    every = np.concatenate(answers_of(corpus, corpus.tracks))
+    corpus = corpus_of(demonstrations, protocol, interactions, training.paired, seed)
+    every = np.concatenate(answers_of(corpus, corpus.everything))
     mean = every.mean(axis=0)
     back = np.linalg.svd((every - mean)[::STRIDE], full_matrices=False)[2][:ANSWER_COORDINATES]
     parts = [_learn(corpus, training, (seed, number), back, mean) for number in range(settings.count)]

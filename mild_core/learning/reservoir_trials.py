@@ -68,6 +68,12 @@ def seen_trials(corpus: Corpus, units: Reservoir, training: TrainingSettings, se
                 bent = augment(corpus.tracks, replace(training.augmentation, copies=1))
                 (features,) = _features(corpus, bent, units, [RESTS_S[copy % len(RESTS_S)]])
                 learned.append((features, _wanted(corpus, bent, units)))
+    if corpus.again:  # what was recorded counts as much beside them as it does for the networks
+        kept = len(corpus.again) * (1.0 - corpus.share) / (corpus.share * len(learned))
+        learned *= max(1, round(kept))
+    for number, again in enumerate(corpus.again):
+        (features,) = _features(corpus, again, units, [RESTS_S[number % len(RESTS_S)]])
+        learned.append((features, _wanted(corpus, again, units)))
     trials = []
     for place, label in enumerate(corpus.tracks.label.tolist()):
         pairs = [(features[place], answers[place]) for features, answers in learned]

@@ -73,6 +73,40 @@ class Augmentation:
 
 
 @dataclass(frozen=True)
+class Paired:
+    """How far the people differ by whom trials are told again, see `paired`. Lengths are in arm lengths.
+
+    Attributes:
+        copies: Of each trial.
+        share: Of what is learned from in an epoch that is one of these, the rest being as recorded.
+        least: How far the place where the hand is held out moves at least: forward, left, up.
+        most: And at most.
+        scale: Range of the factor of the hand's way from its rest.
+        yaw_rad: Largest turn of the body.
+        style: Deviation of a slow random wander of hand and elbow.
+        speed: Range of the factor of both agents' speed.
+    """
+
+    copies: int = 8
+    share: float = 0.3
+    least: tuple[float, ...] = (-0.3, -0.4, -0.3)
+    most: tuple[float, ...] = (0.6, 0.4, 0.6)
+    scale: tuple[float, ...] = (0.8, 1.25)
+    yaw_rad: float = 0.3
+    style: float = 0.03
+    speed: tuple[float, ...] = (0.85, 1.6)
+
+    def __post_init__(self) -> None:
+        if not (self.copies > 0 and 0.0 < self.share <= 1.0):
+            raise ValueError("copies must be at least 1, share above 0 and at most 1")
+        if len(self.least) != 3 or len(self.most) != 3:
+            raise ValueError("least and most are three numbers each: forward, left, up")
+        for pair, lowest in ((self.scale, 0.0), (self.speed, 0.1)):
+            if len(pair) != 2 or not lowest < pair[0] <= pair[1]:
+                raise ValueError("scale and speed are a least and a most, above 0, of speed above 0.1")
+
+
+@dataclass(frozen=True)
 class LossWeights:
     """Weights of the terms of the objective.
 
@@ -175,6 +209,7 @@ class TrainingSettings:
         prior: The prior and its re-estimation.
         weights: Of the objective's terms.
         augmentation: None: trials as recorded.
+        paired: None: by nobody but those who were recorded.
         recogniser: None: the reservoir alone classifies the interaction; without one, the priors' likelihoods do.
         reservoir: None: the members answer alone.
         start_pose: Whether a start pose correction is learned, see `start_pose`; needs a reservoir.
@@ -203,6 +238,7 @@ class TrainingSettings:
     prior: PriorSettings = field(default_factory=PriorSettings)
     weights: LossWeights = field(default_factory=LossWeights)
     augmentation: Augmentation | None = field(default_factory=Augmentation)
+    paired: Paired | None = None
     recogniser: RecogniserSettings | None = field(default_factory=RecogniserSettings)
     reservoir: ReservoirSettings | None = field(default_factory=ReservoirSettings)
     start_pose: bool = True

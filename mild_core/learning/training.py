@@ -113,7 +113,7 @@ def train(
     """
     interactions = tuple(interactions or dict.fromkeys(d.interaction for d in demonstrations))
     require_learnable(demonstrations, protocol, settings)
-    corpus, members, before = corpus_of(demonstrations, protocol, interactions), [], 0
+    corpus, members, before = corpus_of(demonstrations, protocol, interactions, settings.paired, seed), [], 0
     if settings.doublings:
         require_folds(demonstrations, interactions)
         settings, before = yield from _long_enough(demonstrations, corpus, settings, seed, start or {}, resume)
@@ -168,8 +168,9 @@ def _long_enough(
 ) -> Generator[EpochReport, None, tuple[TrainingSettings, int]]:
     """Settings with as many epochs as make one fold's error level off, and how many learners that took."""
     fold, errors = folds_of(demonstrations)[0], list[float]()
-    parts = (corpus_of(part, corpus.protocol, corpus.interactions) for part in (fold.learned, fold.held_out))
-    (learned, held_out), tried = parts, lengths(settings.epochs, settings.doublings)
+    learned = corpus_of(fold.learned, corpus.protocol, corpus.interactions, settings.paired, seed)
+    held_out = corpus_of(fold.held_out, corpus.protocol, corpus.interactions)
+    tried = lengths(settings.epochs, settings.doublings)
     for place, epochs in enumerate(tried):
         learner, objective = _learner(learned, replace(settings, epochs=epochs), (seed, LOOKING), start, resume[place:])
         for report in _epochs(learned, objective, learner, (seed, LOOKING), held_out):
@@ -254,8 +255,8 @@ def _recogniser(corpus: Corpus, settings: TrainingSettings) -> Recogniser | None
 
 
 def window_coordinates(corpus: Corpus, settings: TrainingSettings) -> tuple[Coordinates, Coordinates]:
-    """Coordinates of the human's and of the robot's windows, from the trials as recorded."""
-    windows = cut_tracks(corpus, corpus.tracks, 0, 1)
+    """Coordinates of the human's and of the robot's windows, from all trials."""
+    windows = cut_tracks(corpus, corpus.everything, 0, 1)
     recorded = windows.valid > 0
     architecture = settings.architecture
     return (
@@ -273,9 +274,9 @@ def _pass(
 ) -> tuple[float, float, float, float]:
     """One epoch: every trial, `copies` times, with new augmentation. Returns the mean terms."""
     settings, networks, optimiser, prior = objective.settings, learner.networks, learner.optimiser, learner.prior
-    tracks, phase = corpus.tracks, 0
+    tracks, phase = corpus.drawn(1), 0
     if settings.augmentation is not None:
-        tracks = augment(tracks, settings.augmentation)
+        tracks = augment(corpus.drawn(settings.augmentation.copies), replace(settings.augmentation, copies=1))
         phase = int(torch.randint(corpus.protocol.keep_every, ()))
     cuts = min(
         settings.gradient_stride, corpus.protocol.windows_of(tracks.observed.shape[1] // corpus.protocol.keep_every)

@@ -26,6 +26,12 @@ from mild_core.learning.recording import SPLITS, Demonstrations, Recording
 from mild_core.learning.safe_npz import numbers, read_safe_npz
 from mild_core.learning.windows import protocols
 
+SPDX: tuple[str, ...] = (
+    *("Apache-2.0", "MIT", "BSD-2-Clause", "BSD-3-Clause", "CC0-1.0", "CC-BY-4.0", "CC-BY-SA-4.0"),
+    *("GPL-3.0-only", "GPL-3.0-or-later", "AGPL-3.0-only", "AGPL-3.0-or-later", "LGPL-3.0-only"),
+)
+"""Licences of a folder of trials that are taken at their word; others are told to people as they are written."""
+
 MANIFEST, ARRAYS = "trials.toml", "trials.npz"
 FORMAT_VERSION = 1
 LARGEST_FILE = 10_000_000
@@ -194,6 +200,7 @@ def recording_of(folder: Path) -> Recording:
         read=_read,
         protocols=protocols(window=round(trials.rate_hz), keep_every=max(1, round(trials.rate_hz / NEXT_HZ))),
         placement=trials.robot_from_human,
+        spdx=trials.licence if trials.licence in SPDX else "NOASSERTION",
     )
 
 

@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether the covariance that is published means what it says, and the scale that makes it so.
+"""Whether the covariance that is published means what it says, and the two numbers that make it so.
 
 A region of a covariance that should hold 90 % of the true values must hold 90 % of them in trials that nothing was
-learned from. What the priors spread and what cross-validation left over are both in it, and they overlap, so it comes
-out too wide; errors of few long trials are no Gaussian, so its width cannot be derived from its parts. It is measured:
-one scale per interaction, learned from the trials of all folds but one and tried on those of that one.
+learned from, and the one for 50 % half of them. What the priors spread and what cross-validation left over are both in
+it, and they overlap, so it comes out too wide; and errors of few long trials are no Gaussian: most are small and some
+are large. So they are taken to follow a Student t distribution, whose scale and degrees of freedom are measured for
+each interaction: learned from the trials of all folds but one and tried on those of that one. Every trial counts alike.
+
+Source: K. L. Lange et al., "Robust Statistical Modeling Using the t Distribution", JASA 1989; its Mahalanobis distances
+follow an F distribution.
 """
 
 from __future__ import annotations
@@ -13,16 +17,22 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2  # type: ignore[import-untyped]  # scipy brings no types
+from scipy.optimize import brentq  # type: ignore[import-untyped]  # scipy brings no types
+from scipy.stats import chi2, f  # type: ignore[import-untyped]  # scipy brings no types
 
 from mild_core.shapes import FloatArray
 
 LEVELS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99)
 """Shares of the true values that regions should hold, of a reliability curve."""
 
-REGION = 0.9
-AIM = 0.93
-"""Share that the 90 % region holds of what its scale is learned from: a few trials fit themselves a little too well."""
+HALF, REGION = 0.5, 0.9
+"""Shares that the two published regions hold."""
+
+AIMS = (0.5, 0.9)
+"""Shares of what it is learned from that the two regions are made to hold."""
+
+FREEDOM = (1.0, 1000.0)
+"""Least and most degrees of freedom: with so many, errors are Gaussian."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,38 +70,89 @@ class UncertaintyCalibration:
     """By interaction.
 
     Attributes:
-        scale: What the published covariance is to be multiplied with, learned from all trials.
-        before: Without a scale.
-        after: With the scale that was learned from the other folds.
+        scale: What the published covariance is to be multiplied with, learned from all trials: its 90 % region, taken
+            as that of a Gaussian, then holds 90 %.
+        freedom: Degrees of freedom of the errors: few, where most are small and some are large.
+        radii: Mahalanobis distances in that covariance within which half and 90 % of the true values lie.
+        before: Without either, as of a Gaussian.
+        after: With what was learned from the other folds.
     """
 
     scale: Mapping[str, float]
+    freedom: Mapping[str, float]
+    radii: Mapping[str, tuple[float, float]]
     before: Mapping[str, Reliability]
     after: Mapping[str, Reliability]
 
 
 @dataclass(frozen=True, eq=False)
+class _Spread:
+    """How errors are distributed about a prediction, beside the covariance.
+
+    Attributes:
+        scale: See `UncertaintyCalibration.scale`.
+        freedom: See `UncertaintyCalibration.freedom`.
+    """
+
+    scale: float
+    freedom: float
+
+    def radii(self, values: int) -> tuple[float, float]:
+        """See `UncertaintyCalibration.radii`, for frames of so many values."""
+        most = float(chi2.ppf(REGION, values))
+        half = most * float(f.ppf(HALF, values, self.freedom) / f.ppf(REGION, values, self.freedom))
+        return float(np.sqrt(half)), float(np.sqrt(most))
+
+
+_GAUSSIAN = _Spread(1.0, FREEDOM[1])
+
+
+@dataclass(frozen=True, eq=False)
 class _Distances:
-    """Squared errors of F frames in units of their variances: (F,) of all values at once, (F, n) of each."""
+    """Squared errors of F frames in units of their variances: (F,) of all values at once, (F, n) of each.
+
+    Attributes:
+        joint: (F,).
+        marginal: (F, n).
+        weights: (F,) how much each counts; those of one trial together as much as those of any other.
+    """
 
     joint: FloatArray
     marginal: FloatArray
+    weights: FloatArray
 
-    def scale(self) -> float:
-        """That makes the 90 % region hold the share `AIM`."""
-        return float(np.quantile(self.joint, AIM) / chi2.ppf(REGION, self.marginal.shape[1]))
+    def spread(self) -> _Spread:
+        """With which the two regions hold the shares `AIMS`."""
+        values = self.marginal.shape[1]
+        half, most = _quantiles(self.joint, self.weights, AIMS)
+        wanted = half / most
 
-    def divided(self, scale: float) -> _Distances:
-        """With covariances multiplied by `scale`."""
-        return _Distances(self.joint / scale, self.marginal / scale)
+        def beyond(freedom: float) -> float:
+            return float(f.ppf(HALF, values, freedom) / f.ppf(REGION, values, freedom) - wanted)
 
-    def reliability(self) -> Reliability:
+        least, largest = FREEDOM
+        freedom = least if beyond(least) > 0.0 else largest if beyond(largest) < 0.0 else brentq(beyond, least, largest)
+        return _Spread(float(most / chi2.ppf(REGION, values)), float(freedom))
+
+    def reliability(self, spread: _Spread) -> Reliability:
         """Shares within regions."""
-        joint, single = chi2.ppf(LEVELS, self.marginal.shape[1]), chi2.ppf(LEVELS, 1)
+        values, levels = self.marginal.shape[1], np.array(LEVELS)
+        # The scale is that of the 90 % region of a Gaussian; the others lie from there as the distribution has them.
+        unit = spread.scale * chi2.ppf(REGION, values) / f.ppf(REGION, values, spread.freedom)
+        joint = unit * f.ppf(levels, values, spread.freedom)
+        single = unit / values * f.ppf(levels, 1, spread.freedom)
         return Reliability(
-            np.array([np.mean(self.joint <= bound) for bound in joint]),
-            np.array([np.mean(self.marginal <= bound) for bound in single]),
+            np.array([self.weights @ (self.joint <= bound) for bound in joint]),
+            np.array([self.weights @ (self.marginal <= bound).mean(axis=1) for bound in single]),
         )
+
+
+def _quantiles(values: FloatArray, weights: FloatArray, shares: Sequence[float]) -> FloatArray:
+    """Of weighted values."""
+    order = np.argsort(values)
+    held = np.cumsum(weights[order])
+    found: FloatArray = np.interp(np.array(shares) * held[-1], held, values[order])
+    return found
 
 
 def calibrate(doubts: Sequence[CalibrationSample]) -> UncertaintyCalibration:
@@ -100,19 +161,27 @@ def calibrate(doubts: Sequence[CalibrationSample]) -> UncertaintyCalibration:
     Args:
         doubts: Of the trials of all folds, each held out once; of every interaction in at least two folds.
     """
-    scale, before, after = {}, {}, {}
+    scale, freedom, radii, before, after = {}, {}, {}, {}, {}
     for name in dict.fromkeys(doubt.interaction for doubt in doubts):
         own = [doubt for doubt in doubts if doubt.interaction == name]
-        scale[name] = _together(_distances(doubt, _residual(doubts)) for doubt in own).scale()
-        raw, scaled = [], []
+        whole = _together(_distances(doubt, _residual(doubts)) for doubt in own).spread()
+        scale[name], freedom[name] = whole.scale, whole.freedom
+        radii[name] = whole.radii(own[0].errors.shape[-1])
+        raw, told = [], []
         for fold in sorted({doubt.fold for doubt in own}):
             residual = _residual([doubt for doubt in doubts if doubt.fold != fold])
             found = [(doubt.fold, _distances(doubt, residual)) for doubt in own]
-            learned = _together(distances for other, distances in found if other != fold).scale()
-            raw += [distances for other, distances in found if other == fold]
-            scaled += [distances.divided(learned) for other, distances in found if other == fold]
-        before[name], after[name] = _together(raw).reliability(), _together(scaled).reliability()
-    return UncertaintyCalibration(scale, before, after)
+            learned = _together(distances for other, distances in found if other != fold).spread()
+            held_out = [distances for other, distances in found if other == fold]
+            raw += [distances.reliability(_GAUSSIAN) for distances in held_out]
+            told += [distances.reliability(learned) for distances in held_out]
+        before[name], after[name] = _mean(raw), _mean(told)
+    return UncertaintyCalibration(scale, freedom, radii, before, after)
+
+
+def _mean(found: Sequence[Reliability]) -> Reliability:
+    """Over trials, which count alike."""
+    return Reliability(np.mean([one.joint for one in found], axis=0), np.mean([one.marginal for one in found], axis=0))
 
 
 def _residual(doubts: Sequence[CalibrationSample]) -> FloatArray:
@@ -126,9 +195,14 @@ def _distances(doubt: CalibrationSample, residual: FloatArray) -> _Distances:
     covariances, errors = doubt.spread + residual, doubt.errors
     whitened = np.linalg.solve(np.linalg.cholesky(covariances), errors.transpose(0, 2, 1))
     marginal = errors**2 / np.diagonal(covariances, axis1=1, axis2=2)[:, None]
-    return _Distances((whitened**2).sum(axis=1).ravel(), marginal.reshape(-1, marginal.shape[-1]))
+    joint = (whitened**2).sum(axis=1).ravel()
+    return _Distances(joint, marginal.reshape(-1, marginal.shape[-1]), np.full(len(joint), 1.0 / len(joint)))
 
 
 def _together(parts: Iterable[_Distances]) -> _Distances:
     found = list(parts)
-    return _Distances(np.concatenate([p.joint for p in found]), np.concatenate([p.marginal for p in found]))
+    return _Distances(
+        np.concatenate([p.joint for p in found]),
+        np.concatenate([p.marginal for p in found]),
+        np.concatenate([p.weights for p in found]) / len(found),
+    )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which joints of a frame can be believed: present, finite, in range, seen, on bones of a constant length.
+"""Which joints of a frame can be believed: present, finite, in range, seen, on bones that a human may have.
 
 Joints of one frame are a handful of numbers, for which plain Python is several times faster than NumPy.
 """
@@ -21,7 +21,13 @@ FARTHEST_M = 50.0
 """No tracker sees a person beyond this; a tracker that publishes millimetres does so at once."""
 
 HUMAN_BONE_M = (0.05, 0.8)
-"""Before calibration, an arm segment outside of this range is no arm's."""
+"""An arm segment outside of this range is no arm's: a joint elsewhere, or two in one place, which have no direction."""
+
+LEAP_RAD, LEAP_RAD_S = 0.6, 15.0
+"""A bone of another length than calibrated is a tracker's glitch where it has also turned by more than the first and
+this speed allow. Trackers stretch what points at them, and lengths say nothing of directions. Sources: 25 mm of jitter
+turns a bone of 0.25 m by up to 0.5 rad from one frame to the next; the elbow of a tennis serve extends by 21 rad/s
+(Fleisig et al., Sports Biomechanics 2003), greetings stay below 10."""
 
 STAND_INS = {"hand": "wrist", "wrist": "hand"}
 """Trackers with one of the two: segments are scaled to the model's lengths, so only their direction counts."""
@@ -129,26 +135,52 @@ def bone_lengths(points: Sequence[Point]) -> tuple[float, ...]:
     return tuple(math.dist(start, end) for start, end in pairwise(points))
 
 
-def check_bones(lengths: Sequence[float], calibrated: Sequence[float] | None, tolerance: float) -> None:
-    """Raise DataError `bone_length` when a bone is not as long as it was, or as any human's before calibration.
+def check_bones(lengths: Sequence[float]) -> None:
+    """Raise DataError `bone_length` when a bone [m] is of a length that no human has."""
+    low, high = HUMAN_BONE_M
+    for index, length in enumerate(lengths):
+        if not low <= length <= high:
+            seen = f"bone {index} is {length:.3f} m, should be {low:.3f} to {high:.3f}"
+            raise DataError("bone_length", f"{seen}: are these metres, and the joints in this order?")
+
+
+def fits(length: float, calibrated: float, tolerance: float) -> bool:
+    """Whether a bone is as long as it was calibrated, but for a relative deviation."""
+    return calibrated * (1.0 - tolerance) <= length <= calibrated * (1.0 + tolerance)
+
+
+def check_leaps(
+    points: Sequence[Point],
+    before: Sequence[Point],
+    elapsed_s: float,
+    calibrated: Sequence[float],
+    tolerance: float,
+) -> None:
+    """Raise DataError `bone_length` when a bone is of another length and has turned faster than an arm can.
+
+    A length alone condemns nothing: models use directions only.
 
     Args:
-        lengths: Measured [m].
-        calibrated: As calibrated [m]; None before that.
-        tolerance: Largest relative deviation.
+        points: J places of the arm [m].
+        before: The same of an earlier frame, in the same axes.
+        elapsed_s: Since then.
+        calibrated: J - 1 lengths [m].
+        tolerance: Largest relative deviation of a length that needs no second look.
 
     Raises:
         DataError: `bone_length`.
     """
-    for index, length in enumerate(lengths):
-        if calibrated is None:
-            low, high = HUMAN_BONE_M
-        else:
-            low, high = calibrated[index] * (1.0 - tolerance), calibrated[index] * (1.0 + tolerance)
-        if not low <= length <= high:
-            doubt = "" if calibrated else ": are these metres, and the joints in this order?"
-            seen = f"bone {index} is {length:.3f} m, should be {low:.3f} to {high:.3f}"
-            raise DataError("bone_length", seen + doubt)
+    bones = zip(pairwise(points), pairwise(before), calibrated, strict=True)
+    for index, ((start, end), (old_start, old_end), length) in enumerate(bones):
+        measured = math.dist(start, end)
+        if fits(measured, length, tolerance):
+            continue
+        along = sum((b - a) * (d - c) for a, b, c, d in zip(start, end, old_start, old_end, strict=True))
+        both = measured * math.dist(old_start, old_end)
+        turned = math.acos(min(max(along / both, -1.0), 1.0)) if both > 0.0 else 0.0
+        if turned > LEAP_RAD + LEAP_RAD_S * elapsed_s:
+            seen = f"bone {index} is {measured:.3f} m instead of {length:.3f}"
+            raise DataError("bone_length", f"{seen} and has turned by {math.degrees(turned):.0f} degrees")
 
 
 def _unusable(name: str, point: Point) -> DataError:

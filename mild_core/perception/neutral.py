@@ -34,6 +34,13 @@ STEEPEST_COSINE = 0.5
 NARROWEST_M = 0.1
 """Shoulders nearer than this, or nearer to the pelvis, span no axes."""
 
+JITTERIEST_M = 0.045
+"""A trunk whose joints jitter by more in each coordinate says too little about where it points in a second."""
+
+MEDIAN_STEP, FARTHEST_JITTER = 2.175, 4.5
+"""In deviations of a coordinate: the median of jitter's successive differences, and the farthest of a second's jitter.
+Source: chi distribution of three degrees of freedom."""
+
 MISPLACED = ("mirrored", "wrong_up_axis")
 """Reasons of `check_trunk`: the place of such a body is unknown."""
 
@@ -99,11 +106,36 @@ def with_newest(
     return (*frames[first:], newest)
 
 
-def strayed_m(frames: tuple[NeutralFrame, ...]) -> float:
-    """Farthest that the watched shoulder or a joint of the trunk was from its mean [m]."""
-    shoulders = np.stack([frame.shoulder_m for frame in frames])[:, None]
+def unsteadiness(frames: tuple[NeutralFrame, ...]) -> tuple[float, float]:
+    """How far the watched shoulder or a joint of the trunk strayed from its mean [m], and how much the tracker jitters.
+
+    A tracker's jitter differs from frame to frame, while a body moves on: the mean square of successive differences
+    tells the first, and what is left of the variance the second. A joint that was elsewhere for a frame is beyond what
+    jitter explains.
+
+    Returns:
+        For the joint that strayed most, the farthest that an even motion of this variance takes it from its mean, or
+        it was beyond its jitter, and no more than it was; for the one that jitters most, the deviation of each of its
+        coordinates.
+
+    Source: J. von Neumann, "Distribution of the ratio of the mean square successive difference to the variance",
+    Annals of Mathematical Statistics 1941.
+    """
     trunks = [frame.trunk_m for frame in frames if frame.trunk_m is not None]
-    return max(_farthest(places) for places in (shoulders, *([np.stack(trunks)] if trunks else [])))
+    joints = list(np.moveaxis(np.stack(trunks), 1, 0)) if trunks else []
+    tracks = [np.stack([frame.shoulder_m for frame in frames]), *joints]
+    strayed = jitter = 0.0
+    for track in tracks:
+        if len(track) < 2:
+            continue
+        away, steps = track - track.mean(axis=0), np.diff(track, axis=0)
+        noise = float(np.square(steps).sum()) / (2.0 * len(steps))
+        moved = float(np.square(away).sum()) / len(steps) - noise
+        usual = float(np.median(np.linalg.norm(steps, axis=1))) / MEDIAN_STEP
+        farthest = float(np.linalg.norm(away, axis=1).max())
+        unexplained = max(math.sqrt(3.0 * max(moved, 0.0)), farthest - FARTHEST_JITTER * usual)
+        strayed, jitter = max(strayed, min(farthest, unexplained)), max(jitter, noise)
+    return strayed, math.sqrt(jitter / 3.0)
 
 
 def calibrate(
@@ -220,11 +252,6 @@ def _nearest_axis(direction: FloatArray) -> str:
     """The axis that a direction is nearest to, e.g. "-y"."""
     axis = int(np.argmax(np.abs(direction)))
     return f"{'+' if direction[axis] > 0.0 else '-'}{'xyz'[axis]}"
-
-
-def _farthest(places_m: FloatArray) -> float:
-    """Largest distance of (T, N, 3) places from their mean over T."""
-    return float(np.sqrt(np.square(places_m - places_m.mean(axis=0)).sum(axis=-1)).max())
 
 
 def _pelvis(body: Body, min_confidence: float) -> Point:

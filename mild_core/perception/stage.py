@@ -4,13 +4,15 @@
 Every message ends in exactly one outcome, and no message is lost without being counted:
 
     accepted                          its arm was used (zero, one or more windows)
-    calibrating, moving               part of the neutral second; the person did not stand still
+    calibrating, moving, interrupted  part of the neutral second; the person did not stand still, or was not seen for
+                                      longer than may be bridged
     no_person, other_person           the watched person is not in it
     frozen                            the watched person or arm repeats itself to the bit: it is not measured
     duplicate, out_of_order           its stamp is not later than the one before
     unknown_frame                     everyone in it is in another tf frame
     missing_joint, not_finite, zeroed, out_of_range, low_confidence, bone_length
-                                      an arm joint (while calibrating also the trunk's) cannot be believed
+                                      an arm joint (while calibrating also the trunk's) cannot be believed; a bone's
+                                      length alone condemns none that a human may have
     flat_torso, wrong_up_axis, wrong_forward_axis, mirrored
                                       the trunk says that the axes are wrong: nothing is calibrated on it, nor
                                       taken of a person who turns upside down or inside out after it
@@ -35,16 +37,18 @@ import numpy as np
 from mild_core.errors import DataError
 from mild_core.perception.arm import in_arm_frame
 from mild_core.perception.bodies import NO_BODIES, Bodies, Placing, body_segments, facing_of, followed
+from mild_core.perception.bone_fit import BoneFit, bone_fit
 from mild_core.perception.calibration import Calibration
-from mild_core.perception.joint_validity import Body, Point, believed, bone_lengths, check_bones
+from mild_core.perception.joint_validity import Body, Point, believed, bone_lengths, check_bones, check_leaps, fits
 from mild_core.perception.neutral import (
     FULL_SECOND,
+    JITTERIEST_M,
     MISPLACED,
     NeutralFrame,
     calibrate,
     check_trunk,
     neutral_frame,
-    strayed_m,
+    unsteadiness,
     with_newest,
 )
 from mild_core.perception.person import person_pose
@@ -72,6 +76,7 @@ class PerceptionState:
         lock: Who is watched.
         cadence: How often the tracker sees them.
         stream: The arm at the model's rate; None before its first usable frame.
+        bones: How its bones compare with the calibrated ones; None before that frame.
         repetitions: Since when each body repeats itself.
         bodies: Everyone in view.
         person: Where the watched person and everyone else are by the newest message; None when that is not known, or
@@ -86,6 +91,7 @@ class PerceptionState:
     lock: PersonTrack | None = None
     cadence: FrameRateEstimator | None = None
     stream: ArmStream | None = None
+    bones: BoneFit | None = None
     repetitions: Repetitions = field(default_factory=dict)
     bodies: Bodies = NO_BODIES
     person: PersonPose | None = None
@@ -151,7 +157,8 @@ class Perception:
         calibration = state.calibration
         try:
             arm = self._arm(state, seen.body)
-            if calibration is None:
+            state = self._compared_bones(state, arm, stamp_ns, events)
+            if state.calibration is None:
                 state, outcome, detail = self._calibrated(state, seen.body, arm)
                 calibration = state.calibration
                 events["calibrated"] += calibration is not None
@@ -159,8 +166,7 @@ class Perception:
             pose = self._pose(state, calibration, seen.body, False)
             if error.reason in MISPLACED:  # its arm says nothing, but the body stands there
                 return _ended(state, events, error.reason, error.detail, person=pose)
-            state = self._outgrown(replace(state, lock=lock, cadence=cadence), seen.person, error, events)
-            return _ended(state, events, error.reason, error.detail, person=pose)
+            return _ended(state, events, error.reason, error.detail, lock=lock, cadence=cadence, person=pose)
         pose = self._pose(state, calibration, seen.body, True)
         if calibration is None:
             return _ended(state, events, outcome, detail, lock=lock, cadence=cadence, person=pose)
@@ -315,8 +321,14 @@ class Perception:
         points = believed(body, settings.sided_names, settings.min_confidence, zero_root_allowed=given)
         if calibration is not None:
             check_trunk(body, calibration, settings.min_confidence)
-        known = calibration.bone_lengths_m if calibration else None
-        check_bones(bone_lengths(points), known, settings.bone_tolerance)
+        lengths = bone_lengths(points)
+        check_bones(lengths)
+        if calibration is not None and state.stream is not None:
+            known, tolerance, grid = calibration.bone_lengths_m, settings.bone_tolerance, state.stream.grid
+            if not all(fits(*pair, tolerance) for pair in zip(lengths, known, strict=True)):
+                placed = in_arm_frame(np.array(points), calibration).tolist()
+                elapsed_s = (body.frame.stamp_ns - grid.sample_ns) * 1e-9
+                check_leaps(placed, grid.sample_m.tolist(), elapsed_s, known, tolerance)
         return points
 
     def _calibrated(self, state: PerceptionState, body: Body, arm: list[Point]) -> tuple[PerceptionState, str, str]:
@@ -330,30 +342,35 @@ class Perception:
         """
         settings, torso = self.settings, self.settings.axes == "torso"
         newest = neutral_frame(body, arm[0], bone_lengths(arm), torso, settings.min_confidence)
+        hole_s = (newest.stamp_ns - state.neutral[-1].stamp_ns) * 1e-9 if state.neutral else 0.0
         frames = with_newest(state.neutral, newest, settings.calibration_s, settings.max_gap_s)
         state = replace(state, neutral=frames)
         if newest.stamp_ns - frames[0].stamp_ns < settings.calibration_s * FULL_SECOND * 1e9:
-            return state, "calibrating", ""
-        strayed = strayed_m(frames)
+            return state, *(("calibrating", "") if hole_s <= settings.max_gap_s else ("interrupted", _hole(hole_s)))
+        strayed, jitter = unsteadiness(frames)
         if strayed > settings.calibration_still_m:
             return state, "moving", f"trunk strayed {strayed:.3f} m, wait for {settings.calibration_s:g} s of standing"
+        if jitter > JITTERIEST_M:
+            return state, "moving", f"trunk jitters by {jitter:.3f} m: bring the person nearer, or into better light"
         try:
             found = calibrate(frames, body.frame.frame_id, settings.side, torso, settings.source_axes)
         except DataError as error:
             return state, error.reason, error.detail
         return replace(state, calibration=found, neutral=()), "calibrated", ""
 
-    def _outgrown(
-        self, state: PerceptionState, person: SkeletonFrame, error: DataError, events: Counter[str]
+    def _compared_bones(
+        self, state: PerceptionState, arm: list[Point], stamp_ns: int, events: Counter[str]
     ) -> PerceptionState:
-        """Calibrate again when nothing but the bones has been wrong for long: they belong to another person."""
-        if error.reason != "bone_length" or not state.calibration:
+        """The state with the bones of this frame; calibrating again when they have been somebody else's for long."""
+        calibration, settings = state.calibration, self.settings
+        if calibration is None:
             return state
-        used_ns = state.stream.grid.sample_ns if state.stream else state.calibration.stamp_ns
-        if person.stamp_ns - used_ns <= self.settings.forget_ns:
-            return state
+        lengths = bone_lengths(arm)
+        bones = bone_fit(state.bones, stamp_ns, lengths, calibration.bone_lengths_m, settings.bone_tolerance)
+        if bones.misfit_ns <= settings.forget_ns:
+            return PerceptionState(**{**vars(state), "bones": bones})
         events["forgotten"] += 1
-        return self.reset(state)
+        return replace(self.reset(state), lock=state.lock, bodies=state.bodies)
 
     def _sampled(
         self,
@@ -380,6 +397,10 @@ class Perception:
         if filled:
             events["filled"] += max(0, len(windows) - 1)
         return stream, windows
+
+
+def _hole(hole_s: float) -> str:
+    return f"trunk or arm was not seen for {hole_s:.1f} s: nothing must hide them, and they need 2 messages a second"
 
 
 def _is_locked(state: PerceptionState, seen: Detection) -> bool:

@@ -7,7 +7,9 @@ learned. As they come near, the target of the robot's hand moves from the learne
 which is almost the person's hand where the model is unsure. What the hand leaves free of the joints stays as learned.
 
 The gate is the distance and not the phase: the phase of an interaction that begins and ends at rest does not rise
-from 0 to 1, while hands that are meant to touch are near each other exactly then.
+from 0 to 1, while hands that are meant to touch are near each other exactly then. Strangers hold their hands out where
+none of the model's people did, and the learned hand may not come near: one that waits within reach, where the
+camera's place is measured, is met wherever that is.
 
 Source: V. Prasad et al., "Learning Multimodal Latent Dynamics for Human-Robot Interaction", 2023, section III-D, where
 a segment of the hidden semi-Markov model switches the inverse kinematics on.
@@ -96,16 +98,11 @@ class Contact:
     _reach_m: float = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        chain = chain_of(self.robot)
-        tried = np.random.default_rng(SEED).uniform(
-            self.robot.lower_rad, self.robot.upper_rad, (TRIED_POSES, len(self.robot.joint_names))
-        )
-        object.__setattr__(self, "_chain", chain)
+        object.__setattr__(self, "_chain", chain_of(self.robot))
         object.__setattr__(
             self, "_solver", InverseKinematics(self.robot, (self.robot.tool_link,), self.margin_rad, RELENT)
         )
-        reach_m = max(math.dist(chain.offsets[0][:3, 3], chain.tool(pose)) for pose in tried)
-        object.__setattr__(self, "_reach_m", reach_m)
+        object.__setattr__(self, "_reach_m", shoulder_and_reach_m(self.robot)[1])
 
     def aim(
         self,
@@ -116,6 +113,8 @@ class Contact:
         before: ContactState | None,
         here_rad: FloatArray,
         elapsed_s: float,
+        *,
+        waits: bool = False,
     ) -> tuple[FloatArray, ContactState | None]:
         """Where the joints shall be.
 
@@ -127,6 +126,7 @@ class Contact:
             before: Of the command before.
             here_rad: (J,) where the robot is by that command.
             elapsed_s: Since then.
+            waits: Whether an offered hand has waited, and it is measured where the person stands, not assumed.
 
         Returns:
             (J,) positions [rad], and how far the hands are brought together; None when they are not.
@@ -143,6 +143,8 @@ class Contact:
                 wanted = max(wanted, self._nearness(self._chain.tool(np.array(before.joints_rad)), hand_m))
         elif hand_m is not None:
             wanted = min(wanted, self._nearness(here, hand_m))
+        if hand_m is not None and offered and waits:
+            wanted = max(wanted, smooth(1.0 - self._beyond_m(hand_m) / (FAR_M - NEAR_M)))
         wanted = 0.0 if withdrawn else wanted
         most = elapsed_s / OVER_S
         share += min(max(wanted - share, -most), most)
@@ -161,9 +163,12 @@ class Contact:
     def _nearness(self, tool_m: FloatArray, hand_m: FloatArray) -> float:
         """The share that the distance allows, from 0 to 1; without learned motion, the one that reach allows."""
         if self.mix == "only":
-            beyond_m = math.dist(self._chain.offsets[0][:3, 3], hand_m) - self._reach_m
-            return smooth(-beyond_m / (FAR_M - NEAR_M))
+            return smooth(-self._beyond_m(hand_m) / (FAR_M - NEAR_M))
         return smooth((FAR_M - math.dist(tool_m, hand_m)) / (FAR_M - NEAR_M))
+
+    def _beyond_m(self, point_m: FloatArray) -> float:
+        """How far a point is beyond the arm's reach; negative inside it."""
+        return math.dist(self._chain.offsets[0][:3, 3], point_m) - self._reach_m
 
     def _within(self, point_m: FloatArray) -> FloatArray:
         """(3,) the point, or the nearest one that the arm reaches without being straight."""
@@ -185,6 +190,14 @@ class Contact:
         spread = float(hand[0] + hand[4] + hand[8]) / 3.0
         learned = STANDING_TO_M**2 + (min(spread, 1.0) if spread > 0.0 else 0.0)  # NaN is not above 0 either
         return learned / (learned + SEEN_TO_M**2)
+
+
+def shoulder_and_reach_m(robot: RobotModel) -> tuple[FloatArray, float]:
+    """(3,) where the arm's first joint is in the robot's base frame, and how far from there its tool comes [m]."""
+    chain, shape = chain_of(robot), (TRIED_POSES, len(robot.joint_names))
+    tried = np.random.default_rng(SEED).uniform(robot.lower_rad, robot.upper_rad, shape)
+    shoulder_m: FloatArray = chain.offsets[0][:3, 3]
+    return shoulder_m, max(math.dist(shoulder_m, chain.tool(pose)) for pose in tried)
 
 
 def stiffness(touch: ContactState | None) -> float:

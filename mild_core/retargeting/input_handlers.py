@@ -55,7 +55,7 @@ def take_motion(
     # A hand that is back at its rest ends what was followed: the robot goes home, and does not hold as for the unknown.
     ended = given.state == RESTING and state.mode is Mode.FOLLOWING
     # An offered hand has no name yet: whether the robot sets off for one depends on the person, see `start_gate.py`.
-    is_some = bool(given.interaction) or given.state == OFFERED
+    is_some = bool(given.interaction) or (given.state == OFFERED and (given.may_start or state.mode is Mode.FOLLOWING))
     if not ended and (not is_some or given.out_of_distribution > bound):
         since_ns = now_ns if state.unknown_since_ns is None else state.unknown_since_ns
         return replace(state, unknown_since_ns=since_ns).ended("unknown")

@@ -4,8 +4,9 @@
     MotionWindow, PersonPose, JointMeasurement, Request or a tick of the control clock -> JointCommand
 
 The robot is commanded from where it says it is. Once the person raises the hand it follows the newest motion, read a
-little ahead of now because the limits make it lag, and brings the hands together where they are meant to touch. When
-the hand is back, or without a usable motion, it stops smoothly and goes home slowly; a person who starts on its way is
+little ahead of now because the limits make it lag, and brings the hands together where they are meant to touch. A hand
+that is offered before it is known for what is met by inverse kinematics alone, slowly, where it is measured. When the
+hand is back, or without a usable motion, it stops smoothly and goes home slowly; a person who starts on its way is
 followed at once. A motion into itself, into a person or too fast near one is rejected, and the arm gives way to people
 who come too near, also while it waits at home; only an operator's hold stands still. A robot that is found far from its
 command for a while (moved by hand, blocked, switched off) is not pulled back: the command moves smoothly to where the
@@ -41,6 +42,7 @@ from mild_core.retargeting.yielding import Yielding
 from mild_core.shapes import FloatArray, read_only
 from mild_core.signals import (
     ARM_FRAME,
+    ROBOT_FRAME,
     UNKNOWN_DIRECTION,
     JointCommand,
     JointMeasurement,
@@ -54,7 +56,11 @@ HOME_SHARE = 0.1
 """Share of the robot's acceleration and jerk used on the way home: no person waits for it."""
 
 GENTLE = 0.75
-"""Share of `ramp_velocity_rad_s` with which the robot sets off for a hand that is offered, not yet known for what."""
+"""Share of `ramp_velocity_rad_s` with which the robot meets a hand that is offered, not yet known for what, and follows
+a given interaction that is not the one performed."""
+
+UNHURRIED = 0.95
+"""Share of that speed of its targets: the limits overshoot a little where they catch up."""
 
 EASINGS = 3
 """Times that what is taken of a refused motion is halved: an eighth of it is as good as none."""
@@ -64,6 +70,9 @@ SLOWED = "slowed"
 
 UNMEASURED = "the camera is not measured; set robot_from_camera or allow_unmeasured_contact"
 ASSUMED = "the camera is not measured: hands may touch as allow_unmeasured_contact says, where people are assumed to be"
+WAITS_S = 1.2
+"""A hand that has been raised for longer and is held out waits to be met: the learned one has had time to come near."""
+
 UNKNOWN_BODY = "the person's head and trunk are not known; use a tracker that gives shoulders and head"
 """Why hands are not brought together, or why they should not be."""
 
@@ -103,6 +112,7 @@ class Retargeting:
     _merger: JointMerger = field(init=False, repr=False)
     _yielding: Yielding = field(init=False, repr=False)
     _contact: Contact | None = field(init=False, repr=False)
+    _meeting: Contact | None = field(init=False, repr=False)
     _lower: FloatArray = field(init=False, repr=False)
     _upper: FloatArray = field(init=False, repr=False)
     _home: Joints = field(init=False, repr=False)
@@ -123,6 +133,7 @@ class Retargeting:
         object.__setattr__(self, "_yielding", Yielding(robot, self.settings, self._guard))
         touches = self.settings.ik != "off" and self.standing is not None
         object.__setattr__(self, "_contact", Contact(robot, self.settings.ik, margin) if touches else None)
+        object.__setattr__(self, "_meeting", Contact(robot, "only", margin) if touches else None)
 
     def init(self) -> RetargetingState:
         """The state before the first input."""
@@ -315,10 +326,14 @@ class Retargeting:
         """Whether the watched hand may be touched now: it is offered, or hands are together and it is not withdrawn."""
         if state.mode is not Mode.FOLLOWING or state.plan is None or state.sight is None or self.standing is None:
             return False
-        if self._contact is None or state.plan.interaction not in self.standing.by_interaction:
+        if self._contact is None or not self._is_met(state.plan):
             return False
         meeting = state.touch is not None and not state.touch.withdrawn
         return self._may_touch(state) and (state.sight.offered() or (state.sight.raised and meeting))
+
+    def _is_met(self, plan: Plan) -> bool:
+        """Whether hands touch in what a plan is about, be it known yet or not."""
+        return self.standing is not None and plan.interaction in ("", *self.standing.by_interaction)
 
     def _retreating(self, motion: JointMotion, retreat_rad_s: Joints, elapsed_s: float) -> JointMotion:
         """A step away from people; joints whose stop would leave their range stop instead."""
@@ -376,25 +391,34 @@ class Retargeting:
         elapsed_s: float,
     ) -> tuple[RetargetingState, Joints]:
         """Where the joints are sent while following: as learned, hands brought together, no faster than allowed."""
+        if state.unnamed is bool(plan.interaction):  # another way leads onto the plan, from where the robot is
+            state = replace(state, unnamed=not plan.interaction, pursuit=None)
         aimed, touch = self._wanted(plan, motion, now_ns), None
-        pursuit = state.pursuit or RampIn.onto(aimed, self._limiter.resting_place(motion))
-        if self._contact is not None and self.standing is not None:
+        contact = self._contact if plan.interaction else self._meeting
+        if contact is not None:
             hand_m = self._hand(state, now_ns)
-            touches = plan.interaction in self.standing.by_interaction and bool(np.isfinite(hand_m).all())
+            touches = self._is_met(plan) and bool(np.isfinite(hand_m).all())
             touches = touches and self._may_touch(state) and not state.yielding
             met_m, pushed = self._guard.push_out(hand_m, among.touchable()) if touches else (None, -1)
             if among.is_bystander(pushed):
                 state = _paused(state, now_ns)
             offered = state.sight is not None and state.sight.offered()
             given = (plan.covariance, met_m, offered, state.touch)
-            aimed, touch = self._contact.aim(aimed, *given, np.array(motion.position_rad), elapsed_s)
+            measured = state.sight is not None and state.sight.frame_id == ROBOT_FRAME
+            waits = measured and state.sight is not None and (now_ns - state.sight.raised_ns) * 1e-9 > WAITS_S
+            here_rad = np.array(motion.position_rad)
+            aimed, touch = contact.aim(aimed, *given, here_rad, elapsed_s, waits=waits)
             aimed = np.minimum(np.maximum(aimed, self._lower), self._upper)
-        hurry = 0.0 if touch is None else touch.share * self._guard.nearness(state.near_m)
-        ramp_rad_s = self.settings.ramp_velocity_rad_s * (1.0 if plan.interaction else GENTLE)
+        pursuit = state.pursuit or RampIn.onto(aimed, self._limiter.resting_place(motion))
+        hurry = 0.0 if touch is None or plan.gentle else touch.share * self._guard.nearness(state.near_m)
+        ramp_rad_s = self.settings.ramp_velocity_rad_s * (GENTLE if plan.gentle else 1.0)
         pursuit, target = pursuit.nearer(aimed, ramp_rad_s, hurry, elapsed_s)
         # A plan that turns takes what is left to catch up with along, beyond the limits too.
         target = np.minimum(np.maximum(target, self._lower), self._upper)
         before = np.array(pursuit.target_rad)
+        if plan.gentle:
+            most_rad, way_rad = UNHURRIED * ramp_rad_s * elapsed_s, float(np.abs(target - before).max())
+            target = before + min(1.0, most_rad / max(way_rad, 1e-9)) * (target - before)
         target = self._guard.limit_speed(before, target, here, among, state.crowded, elapsed_s)
         pursuit = pursuit.at(target, aimed)
         return replace(state, touch=touch, pursuit=pursuit), pursuit.target_rad

@@ -25,7 +25,8 @@ class Plan:
         start_ns: Time of row 0.
         period_ns: Time between rows.
         rows: (W, J) positions in the robot's joint order [rad], or (W, 3, 3) a partner's shoulder, elbow and hand [m].
-        interaction: What it is about.
+        interaction: What it is about; "" for a hand that is offered for nobody knows what: its rows are not followed.
+        gentle: Whether it is carried out slowly.
         covariance: Of the window's joint angles [rad^2], or of the partner's joints [m^2].
     """
 
@@ -36,6 +37,7 @@ class Plan:
     rows: FloatArray
     interaction: str
     covariance: FloatArray
+    gentle: bool = False
 
     def at(self, time_ns: int) -> FloatArray:
         """(J,) or (3, 3) at `time_ns`, linear between rows; before the first or after the last row that row."""
@@ -73,7 +75,10 @@ def checked_plan(motion: MotionWindow, robot: RobotModel, now_ns: int) -> Plan:
     if not is_arm and names != robot.joint_names:
         rows = rows[:, [names.index(name) for name in robot.joint_names]]
     start_ns = motion.stamp_ns + motion.lead_ns
-    return Plan(motion.stamp_ns, now_ns, start_ns, motion.period_ns, rows, motion.interaction, motion.covariance)
+    gentle = not motion.interaction or not motion.may_start
+    return Plan(
+        motion.stamp_ns, now_ns, start_ns, motion.period_ns, rows, motion.interaction, motion.covariance, gentle
+    )
 
 
 SETTLING_S, HURRIED_S = 0.15, 0.03

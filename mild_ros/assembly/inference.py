@@ -32,7 +32,7 @@ def make_inference(parameters: InferenceParameters, model: MildModel) -> Inferen
     robot = ROBOTS.get(manifest.controlled.robot)
     ours = robot is not None and robot.joint_names == manifest.controlled.joint_names
     limits_rad_s = tuple(robot.velocity_rad_s.tolist()) if robot is not None and ours else ()
-    stage = Inference(model, parameters.interaction, limits_rad_s)
+    stage = Inference(model, parameters.interaction, limits_rad_s, parameters.cautious)
     values, names = 3 if manifest.features == "positions" else 6, manifest.observed.joint_names
     still = FeatureWindow(0, "", names, np.zeros((manifest.window, values * len(names))))
     stage.step(stage.init(), still, 0)

@@ -22,6 +22,9 @@ from mild_ros.command_line.console import Console
 if TYPE_CHECKING:
     from mild_core.learning.recording import Recording
 
+MADE, MADE_FOR, MADE_TRIALS = "kinematic_", ("yumi", "pepper"), 16
+"""Data sets that are made here, the robots that they are made for, and trials of each interaction in them."""
+
 NETWORK_PATIENCE_S = 20.0
 CHUNK_BYTES = 1 << 16
 
@@ -38,6 +41,10 @@ def data(
 
         mild data buetepage_hr
 
+    People of our own making, under this package's licence, as a folder of trials to learn from:
+
+        mild data kinematic_yumi
+
     None of them is part of this package: each has its own licence. Your own recordings: `mild demonstrations --help`.
     """
     from mild_core.learning.datasets import DATASETS
@@ -46,12 +53,18 @@ def data(
     console = Console(highlight=False)
     if not name:
         _list(list(DATASETS.values()), console)
+        for robot in MADE_FOR:
+            console.print(Text(f"{MADE}{robot}", style="bold"), Text("made here: kinematic people, licence Apache-2.0"))
         console.print(Text(f"folder: {data_folder()} (MILD_DATA names another one)"))
         return
     if name not in DATASETS:
         from mild_core.errors import unknown_name
 
-        raise unknown_name("recording", name, DATASETS)
+        made = {f"{MADE}{robot}": robot for robot in MADE_FOR}
+        if name in made:
+            _make(name, made[name], console)
+            return
+        raise unknown_name("recording", name, (*DATASETS, *made))
     recording = DATASETS[name]
     path = recording.default_path()
     if path.exists():
@@ -64,6 +77,19 @@ def data(
     console.print(Text(f"{recording.title}; licence: {recording.licence}"))
     _fetch(recording, path, console)
     console.print(Text(f"{path}: {len(recording.read(path).train)} training trials"))
+
+
+def _make(name: str, robot: str, console: Console) -> None:
+    """Write a folder of made trials."""
+    from mild_core.learning.kinematic_people import kinematic_trials
+    from mild_core.learning.recording import data_folder
+    from mild_core.learning.trials import write_trials
+    from mild_core.retargeting.robots import ROBOTS
+
+    folder = data_folder() / name
+    trials, made = kinematic_trials(robot, ROBOTS[robot], MADE_TRIALS, seed=0)
+    write_trials(folder, trials, made)
+    console.print(Text(f"{folder}: {len(made)} trials; mild train --dataset {folder} --people own --out my_model"))
 
 
 def _list(recordings: list[Recording], console: Console) -> None:

@@ -68,6 +68,7 @@ def evaluate(
         Path | None, typer.Option(metavar="FILE", help="A people file: how the model does with these people.")
     ] = None,
     interaction: Annotated[str, typer.Option(help="With --people: auto, or given: it is what the file says.")] = "auto",
+    cautious: Annotated[bool, typer.Option("--cautious", help="With --people: with the parameter `cautious`.")] = False,
     seeds: Annotated[int, typer.Option(min=1, help="With --cv: runs of each method that draws at random.")] = 3,
     method: Annotated[list[str] | None, typer.Option(help="With --cv: only this one; may be repeated.")] = None,
     workers: Annotated[int, typer.Option(min=0, help="With --cv: processes [default: one per core].")] = 0,
@@ -118,7 +119,10 @@ def evaluate(
     JSON: by data set `active_likeliest` (share of active frames in which the likeliest gesture is the right one, with
     its `interval`), what is `right` and `wrong` at 0.5, 1, 2 and 3 s after the onset, `started_at_rest`,
     `started_in_time` (within 2.6 s), and for each foreign motion the `area` under the curve and the `share` detected
-    unknown at 5 % false alarms.
+    unknown at 5 % false alarms. Under `motion`, for each shipped model of a robot, the people of the other recordings
+    and each interaction in which hands meet: `mean_m` and `median_m` over arms of the distance between tool and hand,
+    while the hand is within 5 % of its farthest from rest. They stand where the model's people stood, with arms of its
+    bones; the interaction is given; no camera and no inverse kinematics help.
 
     **People it never met**: whole bodies of several people in one frame with z up, each watched in turn through the
     real perception, after 1.5 s of standing, with the model's robot standing by:
@@ -131,7 +135,9 @@ def evaluate(
     that are `right`, `wrong`, `offered`, `none` or `resting`, and how often the `likeliest` interaction is the right
     one; `named_at_rest`: share of people for whom something was named before; `starts_per_minute`: how often the robot
     begins to answer, and `made_way_per_minute`: how often it moves otherwise, away from people;
-    `accepted_frames`: below 0.9 the figures are not `valid`.
+    `accepted_frames`: below 0.9 the figures are not `valid`. Of two people also `contact.given` and `contact.auto`: the
+    robot stands where the partner stood, with the camera measured, and this far [m] is its hand from the person's, the
+    median over the frames in which the two people's hands were within 15 cm.
 
     Errors are squared differences of joint angles averaged over joints and window [rad²]; of two people squared
     distances of the partner's joints [m²]; "macro" is the mean over the interactions. JSON: `macro.mse`,
@@ -151,7 +157,7 @@ def evaluate(
             raise SetupError("--people", "measures a model", "give --model NAME too")
         from mild_ros.command_line.people import evaluate_people
 
-        evaluate_people(people, model, interaction, json)
+        evaluate_people(people, model, interaction, json, cautious)
         return
     if model:
         _evaluate_model(model, dataset, data, protocol, split, labels, json)

@@ -23,6 +23,9 @@ MOVED = {"human_arm": "partner's arm"}
 
 def models(
     name: Annotated[str, typer.Argument(help="A model's name or folder: its card is shown.")] = "",
+    licence: Annotated[
+        bool, typer.Option("--licence", help="What each learned from, and under which licences.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Everything in the manifests, as one JSON object.")] = False,
 ) -> None:
     """The models here: what they learned from, how good they are.
@@ -34,17 +37,44 @@ def models(
     One of them, with its data, licence, errors and limits (its model card):
 
         mild models yumi_buetepage_ahead
+
+    What each learned from, the people of its recogniser included, and under which licences that stands (SPDX; a
+    source that states none is `NOASSERTION`):
+
+        mild models --licence
     """
     names = [name] if name else model_names()
     manifests = {one: read_manifest(model_folder(one)) for one in names}
     if as_json:
-        print(json.dumps({one: json.loads(manifest.to_json()) for one, manifest in manifests.items()}, indent=1))
+        print(json.dumps({one: _told(manifest) for one, manifest in manifests.items()}, indent=1))
+    elif licence:
+        _print_licences(manifests)
     elif name:
         report = model_folder(name) / REPORT
         text = report.read_text(encoding="utf-8") if report.is_file() else f"{report} is missing: no card to show."
         Console().print(Markdown(text))
     else:
         _print(manifests, share_folder("models"))
+
+
+def _told(manifest: Manifest) -> dict[str, Any]:
+    """All of a manifest, with the licence of its sources."""
+    from mild_core.learning.licences import licence_of, sources_of
+
+    values: dict[str, Any] = json.loads(manifest.to_json())
+    return {**values, "licence": licence_of(manifest), "sources": sources_of(manifest)}
+
+
+def _print_licences(manifests: dict[str, Manifest]) -> None:
+    from mild_core.learning.licences import licence_of, sources_of
+
+    table = Table(title="what models learned from", title_justify="left")
+    for column in ("model", "licence of its sources", "sources"):
+        table.add_column(column, no_wrap=column == "model")
+    for name, manifest in manifests.items():
+        sources = "; ".join(f"{one} ({spdx})" for one, spdx in sources_of(manifest).items())
+        table.add_row(name, licence_of(manifest), sources)
+    Console().print(table)
 
 
 def _print(manifests: dict[str, Manifest], folder: Path) -> None:

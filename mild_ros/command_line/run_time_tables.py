@@ -41,6 +41,7 @@ def _data(run_time: RunTime) -> dict[str, Any]:
         "called_unknown": run_time.unknown,
         "recognition_adds": dict(zip(("until_1_s", "later"), run_time.recognition_cost.tolist(), strict=True)),
         "covariance_scale": {n: float(np.mean([c.scale[n] for c in calibrations])) for n in calibrations[0].scale},
+        "radii": {n: np.mean([c.radii[n] for c in calibrations], axis=0).tolist() for n in calibrations[0].radii},
         "levels": list(LEVELS),
         "reliability": {
             name: {key: mean(of, name, kind) for key, (of, kind) in kinds.items()} for name in calibrations[0].after

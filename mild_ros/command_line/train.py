@@ -38,6 +38,9 @@ METHOD = "mild"
 
 LEAST_TRIALS = 2
 
+PEOPLE = ("all", "own")
+"""Whose arms the recogniser of gestures learns from."""
+
 
 def train(
     out: Annotated[Path, typer.Option(metavar="FOLDER", help="The model folder to write.")],
@@ -60,6 +63,13 @@ def train(
     doublings: Annotated[
         int, typer.Option(min=0, help="Halve the epochs so often, double while that helps; 0: the configuration's.")
     ] = 0,
+    people: Annotated[
+        str,
+        typer.Option(
+            metavar="all|own",
+            help="Whose arms the recogniser of gestures learns from: also all recordings here, or the trials' alone.",
+        ),
+    ] = "all",
     errors: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="`cross_validation_<protocol>.json` of `mild evaluate --cv`, for the card."),
@@ -87,6 +97,10 @@ def train(
 
         mild train --dataset my_trials --out my_model
 
+    The recogniser of gestures, which carries over to strangers, learns from the people in your trials beside those of
+    all recordings that are here; three trials of each interaction already help. With --people own it learns from yours
+    alone, so that the model stands under nobody else's licence.
+
     How many epochs are enough: with --doublings 3 (`doublings` of a configuration) a network learns from three folds
     of four for an eighth of the epochs and is asked about the fourth, then another for twice as many, and so on, until
     twice as many make the error less than a hundredth smaller: it has levelled off. The model then learns from all
@@ -100,6 +114,8 @@ def train(
     """
     from mild_core.learning.datasets import recording_named
 
+    if people not in PEOPLE:
+        raise SetupError("--people", f"is '{people}'", f"give one of {', '.join(PEOPLE)}")
     asked = _asked(config, dataset, seed, {"epochs": epochs, "members": members, "doublings": doublings})
     settings, recording = asked.settings, recording_named(asked.dataset, data)
     measured = _measured(errors, asked, recording)
@@ -110,7 +126,8 @@ def train(
     command = f"mild train {' '.join(chosen)} --seed {asked.seed} --epochs {settings.epochs}"
     command += f" --members {settings.members}" + (f" --doublings {doublings}" if doublings else "") + f" --out {out}"
     command += f" --errors {errors}" if errors else ""
-    _write(out, trained, trials, (asked, recording), measured, command)
+    command += " --people own" if people == "own" else ""
+    _write(out, trained, trials, (asked, recording), measured, command, people)
     checkpoint.remove()
 
 
@@ -224,6 +241,7 @@ def _write(
     how: tuple[Configuration, Recording],
     measured: dict[str, Any],
     command: str,
+    people: str,
 ) -> None:
     """The model folder with its card."""
     import numpy as np
@@ -232,42 +250,66 @@ def _write(
     from mild_core.learning.card import cross_validation_entry, model_card
     from mild_core.learning.evaluation import errors_of_trial, summarise
     from mild_core.learning.export import ModelFacts, export
+    from mild_core.learning.licences import both
 
     asked, recording = how
     if measured:
         row = next(r for r in measured["methods"] if (r["method"], r["labels"]) == (METHOD, "given"))
         residual, source = np.array(row["residual_covariance"]), "cross-validation"
-        scale = measured.get("run_time", {}).get(METHOD, {}).get("covariance_scale", {})
+        run_time = measured.get("run_time", {}).get(METHOD, {})
+        regions = {name: run_time.get(name, {}) for name in ("covariance_scale", "radii")}
         errors = cross_validation_entry(measured, METHOD)
     else:
         own = [errors_of_trial(trial, trained.protocol, trained.predict(trial)) for trial in trials]
         covariance = summarise(own, recording.interactions).covariance
         assert covariance is not None  # there is at least one trial
-        residual, source, errors, scale = covariance, "training trials: too small", {}, {}
+        residual, source, errors, regions = covariance, "training trials: too small", {}, {}
     training = {**_about(trained, asked, recording, len(trials)), "residual_covariance": source}
-    gestures, training["gestures"] = _gestures(trained.interactions)
+    gestures, sources = _gestures(trained.interactions, recording, trials, people)
+    training |= {"gestures": "; ".join(f"{one.name} ({one.licence})" for one in sources) or "none"}
+    of_all = {one.name: one for one in (recording, *sources)}
+    training["sources"] = {name: one.spdx for name, one in of_all.items()}
     facts = ModelFacts(out.resolve().name, recording.robot, recording.observed_side, _placement(recording, trials))
-    manifest, arrays = export(trained, trials, residual, replace(facts, training=training, errors=errors), scale)
+    facts = replace(facts, training=training, licence=both(training["sources"].values()), errors=errors)
+    manifest, arrays = export(trained, trials, residual, replace(facts, training=training, errors=errors), **regions)
     save_model(out, manifest, arrays | gestures, model_card(manifest, recording, command))
     typer.echo(f"written: {out} ({sum(file.stat().st_size for file in out.iterdir()) / 1e6:.1f} MB)")
 
 
-def _gestures(interactions: tuple[str, ...]) -> tuple[dict[str, Any], str]:
-    """Arrays of the recogniser that carries over to strangers, and what it learned from, for people."""
+def _gestures(
+    interactions: tuple[str, ...], recording: Recording, trials: tuple[Demonstration, ...], people: str
+) -> tuple[dict[str, Any], list[Recording]]:
+    """Arrays of the recogniser that carries over to strangers, and what it learned from; none for other interactions.
+
+    Args:
+        interactions: That the model knows.
+        recording: What it learns from: its people count too, if they do some of these.
+        trials: Of that.
+        people: One of `PEOPLE`.
+    """
     from mild_core.inference.gesture_recogniser import gesture_classes
-    from mild_core.learning.gestures import GestureSettings, arms_at_hand, background_arms, train_gestures
+    from mild_core.learning.gestures import (
+        RECORDINGS,
+        GestureSettings,
+        arms_at_hand,
+        arms_of,
+        background_arms,
+        train_gestures,
+    )
 
     try:
         gesture_classes(interactions)
-    except ValueError as error:
-        return {}, f"none: {error}"
-    arms, recordings = arms_at_hand()
+    except ValueError:
+        return {}, []
+    arms, sources = arms_at_hand() if people == "all" else ([], [])
+    if people == "own" or recording.known_as not in (*RECORDINGS, "pepper_nuisi"):
+        arms, sources = [*arms, *arms_of(recording.name, trials)], [*sources, recording]
     settings = GestureSettings()
     try:
         recogniser = train_gestures(arms, background_arms(settings.background, settings.seed), settings)
-    except ValueError as error:
-        return {}, f"none: {error}"
-    return recogniser.to_arrays(), "; ".join(f"{one.name} ({one.licence})" for one in recordings)
+    except ValueError:  # an interaction that nobody shows
+        return {}, []
+    return recogniser.to_arrays(), sources
 
 
 def _stopped(epochs: int, asked: TrainingSettings) -> str:

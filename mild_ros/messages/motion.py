@@ -6,7 +6,8 @@ counts from the stamp and is negative for frames that lie before it. `motion` of
 `sensor_msgs/PointCloud2`: one row per frame; shoulder, elbow and hand in the partner's arm frame [m].
 `motion_state` is a `sensor_msgs/PointCloud2` with one point: interaction (its place in the model's list, -1 when
 unknown), probability, phase, out_of_distribution, lead and period [ns], state (its place among
-`signals.RECOGNITION_STATES`), belief_0 ..., covariance_0 ... row by row. The
+`signals.RECOGNITION_STATES`), may_start (1 or 0), radius_50 and radius_90 (Mahalanobis distances in the covariance
+within which half and nine tenths of the true values lie), belief_0 ..., covariance_0 ... row by row. The
 interaction's name is its frame_id.
 """
 
@@ -25,8 +26,8 @@ from mild_ros.messages.point_cloud import array_from_msg, array_to_msg
 from mild_ros.messages.stamps import duration_to_msg, ns_from_msg, time_to_msg
 from mild_ros.messages.standard import Header, JointTrajectory, JointTrajectoryPoint, PointCloud2
 
-SCALARS = ("interaction", "probability", "phase", "out_of_distribution", "lead_ns", "period_ns", "state")
-
+SCALARS = ("interaction", "probability", "phase", "out_of_distribution", "lead_ns", "period_ns", "state", "may_start")
+RADII = ("radius_50", "radius_90")
 
 LONGEST_NS = 100e9
 """No motion lies further away than this, or has rows so far apart."""
@@ -58,9 +59,11 @@ def motion_state_to_msg(motion: MotionWindow, interactions: tuple[str, ...]) -> 
     """All the rest of a motion; `interactions` are the model's, in its order."""
     known = motion.interaction in interactions
     scalars = [interactions.index(motion.interaction) if known else -1, motion.probability, motion.phase]
-    scalars += [motion.out_of_distribution, motion.lead_ns, motion.period_ns, RECOGNITION_STATES.index(motion.state)]
+    scalars += [motion.out_of_distribution, motion.lead_ns, motion.period_ns]
+    scalars += [RECOGNITION_STATES.index(motion.state), float(motion.may_start)]
+    scalars += motion.radii
     values = np.concatenate([np.array(scalars, dtype=np.float64), motion.belief, motion.covariance.ravel()])
-    names = SCALARS + _numbered("belief", motion.belief.size) + _numbered("covariance", motion.covariance.size)
+    names = SCALARS + RADII + _numbered("belief", motion.belief.size) + _numbered("covariance", motion.covariance.size)
     header = Header(stamp=time_to_msg(motion.stamp_ns), frame_id=motion.interaction)
     return array_to_msg(values[None, None, :], names, header)
 
@@ -75,14 +78,14 @@ def motion_from_msgs(motion: Any, state: Any) -> MotionWindow:
     stamp_ns = ns_from_msg(motion.header.stamp)
     values, names = array_from_msg(state)
     beliefs, size = sum(name.startswith("belief_") for name in names), positions[0].size
-    expected = SCALARS + _numbered("belief", beliefs) + _numbered("covariance", size**2)
+    expected = SCALARS + RADII + _numbered("belief", beliefs) + _numbered("covariance", size**2)
     if values.shape[:2] != (1, 1) or names != expected or ns_from_msg(state.header.stamp) != stamp_ns:
         raise DataError("wrong_layout", f"motion of {size} values with a state of {len(names)} fields")
-    _, probability, phase, out_of_distribution, lead, period, place = values[0, 0, : len(SCALARS)].tolist()
+    _, probability, phase, out_of_distribution, lead, period, place, may_start = values[0, 0, : len(SCALARS)].tolist()
     lead_ns, period_ns = _times(lead, period)
     if place not in range(len(RECOGNITION_STATES)):
         raise DataError("wrong_layout", f"a motion in state {place:g} of {len(RECOGNITION_STATES)}")
-    belief, covariance = np.split(values[0, 0, len(SCALARS) :], [beliefs])
+    radii, belief, covariance = np.split(values[0, 0, len(SCALARS) :], [len(RADII), len(RADII) + beliefs])
     return MotionWindow(
         stamp_ns=stamp_ns,
         lead_ns=lead_ns,
@@ -96,6 +99,8 @@ def motion_from_msgs(motion: Any, state: Any) -> MotionWindow:
         phase=phase,
         out_of_distribution=out_of_distribution,
         state=RECOGNITION_STATES[int(place)],
+        radii=(float(radii[0]), float(radii[1])),
+        may_start=may_start == 1.0,
     )
 
 

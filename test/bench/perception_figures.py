@@ -28,7 +28,7 @@ HEADING = (
     "| Recording | Messages | Calibrating | Used | Not used, by reason | Windows at 40 Hz | of these filled | Gaps |\n"
     "|---|---:|---:|---:|---|---:|---:|---:|\n"
 )
-_CALIBRATING = ("calibrating", "moving")
+_CALIBRATING = ("calibrating", "moving", "interrupted")
 _EVENTS = {
     *("windows", "filled", "missed", "gap_reset", "time_reset", "calibrated"),
     *("reacquired", "forgotten", "bystanders"),

@@ -157,6 +157,7 @@ def test_cross_validation_writes_its_tables_and_what_happened_at_run_time(four_b
     assert 0.0 <= ours["called_unknown"] <= 1.0
     for name, curves in ours["reliability"].items():
         assert ours["covariance_scale"][name] > 0.0
+        assert 0.0 < ours["radii"][name][0] < ours["radii"][name][1]
         assert len(curves["joint"]) == len(curves["marginal_unscaled"]) == len(ours["levels"])
         assert sorted(curves["marginal"]) == curves["marginal"]
     for picture in (stem.with_suffix(".png"), stem.with_name(f"{stem.name}_mild_reliability.png")):

@@ -5,6 +5,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from mild_core.inference.model import load_model
 from test.command_line.test_main import run
@@ -53,7 +54,7 @@ def table(path, protocol):
         "date": "2025-01-02",
         "unit": "rad^2",
     }
-    run_time = {"mild": {"covariance_scale": {"hand_wave": 0.5, "rocket": 2.0}}}
+    run_time = {"mild": {"covariance_scale": {"hand_wave": 0.5, "rocket": 2.0}, "radii": {"rocket": [2.0, 3.5]}}}
     path.write_text(json.dumps({**about, "methods": [row], "run_time": run_time}))
     return path
 
@@ -73,6 +74,8 @@ def test_a_trained_folder_loads_and_carries_measured_errors(data, tmp_path, caps
     assert manifest.errors["cross_validation"]["rows"][0]["macro_mean"] == 0.0444
     np.testing.assert_allclose(model.residual_covariance, 0.03 * np.eye(7))
     np.testing.assert_allclose(model.covariance_scale, [0.5, 1.0, 2.0, 1.0])
+    np.testing.assert_allclose(model.radii[2], [2.0, 3.5])
+    np.testing.assert_allclose(model.radii[1] ** 2, chi2.ppf([0.5, 0.9], 7), rtol=0.01)  # of a Gaussian
     assert set(manifest.robot_from_human.by_interaction) == {"handshake", "rocket", "parachute"}
     card = (out / "REPORT.md").read_text()
     assert "0.0444 ± 0.0010" in card

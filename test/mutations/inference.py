@@ -354,6 +354,14 @@ FAULTS = (
         (*STAGE, *TERRITORY),
     ),
     Fault(
+        "radii of another interaction",
+        "The regions that are published are those of the first interaction, whatever goes on.",
+        f"{HERE}/stage.py",
+        "recognition.probabilities @ self.model.radii",
+        "self.model.radii[0]",
+        TERRITORY,
+    ),
+    Fault(
         "lead in windows instead of frames",
         "A predicted window is dated one window too late.",
         f"{HERE}/stage.py",

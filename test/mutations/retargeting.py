@@ -404,6 +404,14 @@ FAULTS = (
         CONTACT,
     ),
     Fault(
+        "strangers are met only where the model's people were",
+        "A measured hand that is held out within reach waits for the learned one to come near.",
+        f"{HERE}/contact.py",
+        "if hand_m is not None and offered and waits:",
+        "if hand_m is not None and offered and waits and share > 1.0:",
+        CONTACT,
+    ),
+    Fault(
         "precisions exchanged",
         "The surer the model, the more the seen hand counts.",
         f"{HERE}/contact.py",

@@ -229,3 +229,27 @@ def test_garbage_in_one_message_is_distinguished_from_a_broken_bag(tmp_path):
         writer.write("/joint_states", JOINT_STATE, 1, b"\x00\x01\x00\x00" + b"\xff" * 40)
     with open_bag(tmp_path / "bag") as bag, pytest.raises(DataError, match="undecodable"):
         bag.decode(next(bag.messages()))
+
+
+def test_the_search_goes_on_behind_a_record_that_makes_no_sense(tmp_path):
+    file = next(write_ours(tmp_path / "bag").glob("*.mcap"))
+    data = bytearray(file.read_bytes())
+    record = [found.start() for found in re.finditer(b"zstd", data)][2] - 41  # its head and the chunk's
+    data[record : record + 9] = b"\xff" * 9
+    file.write_bytes(bytes(data))
+    assert positions(file, salvage=True) == EXPECTED[:20] + EXPECTED[30:]
+
+
+def test_what_is_left_behind_the_last_whole_record_is_counted(tmp_path):
+    file = next(write_ours(tmp_path / "bag").glob("*.mcap"))
+    file.write_bytes(file.read_bytes()[:-8] + b"\x05\x00\x00")
+    assert positions(file, salvage=True) == EXPECTED
+    assert lost(file) == "3 bytes cannot be read"
+
+
+def test_rows_between_readable_ones_are_counted_without_metadata_too(tmp_path):
+    path = broken_bag("sqlite3 with a broken page", tmp_path)
+    with open_bag(path, salvage=True) as bag:
+        saved = len(list(bag.messages()))
+    (path / "metadata.yaml").unlink()
+    assert lost(path) == f"at least {len(TEXTS) - saved} messages are lost"

@@ -90,6 +90,7 @@ def motion_of(frames: int, lead_ns: int, interaction: str = "hand_shake") -> Mot
         belief=random.dirichlet(np.ones(9)),
         phase=1 / 3,
         out_of_distribution=float(np.nextafter(1.0, 2.0)),
+        radii=(1 / 7, 3 / 7),
     )
 
 

@@ -34,7 +34,7 @@ def as_second_user(folder: Path, *words: str) -> subprocess.CompletedProcess[str
     own = {"HOME": str(folder), "ROS_LOG_DIR": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
     return subprocess.run(
         [*user, sys.executable, "-P", *words],
-        cwd=folder, env=os.environ | own, capture_output=True, text=True, timeout=280,
+        cwd=folder, env=os.environ | own, capture_output=True, text=True, timeout=560,
     )  # fmt: skip
 
 
@@ -76,10 +76,11 @@ def test_the_second_user_finds_a_domain_and_a_folder(tmp_path: Path) -> None:
 
 @needs_root
 @pytest.mark.heavy
+@pytest.mark.timeout(1200)
 def test_both_run_the_demo_at_once(tmp_path: Path) -> None:
     tmp_path.chmod(0o777)
     command = ("-m", "mild_ros.command_line.main", "demo")
     ours = subprocess.Popen([sys.executable, "-P", *command], cwd=tmp_path, stdout=subprocess.DEVNULL)
     theirs = as_second_user(tmp_path / "second", *command)
-    assert (theirs.returncode, ours.wait(280)) == (0, 0), theirs.stderr
+    assert (theirs.returncode, ours.wait(560)) == (0, 0), theirs.stderr
     assert (tmp_path / "second" / "out" / "demo" / "recorded").stat().st_uid == SECOND

@@ -79,6 +79,7 @@ BUETEPAGE_HR = Recording(
     robot="yumi",
     controlled_names=tuple(f"yumi_joint_{axis}_r" for axis in (1, 2, 7, 3, 4, 5, 6)),
     licence="the repository that publishes this form is GPL-3.0; the original recordings state no licence",
+    spdx="GPL-3.0-only AND NOASSERTION",
     source="J. Bütepage, A. Ghadirzadeh, Ö. Öztimur Karadağ, M. Björkman, D. Kragic: Imitating by Generating, "
     "Frontiers in Robotics and AI 2020 (github.com/jbutepage/human_robot_interaction_data), as published in "
     "github.com/souljaboy764/phd_utils, data_preproc/buetepage_hr",

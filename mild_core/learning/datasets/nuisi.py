@@ -66,6 +66,7 @@ NUISI = Recording(
     robot="",
     controlled_names=("shoulder", "elbow", "hand"),
     licence="AGPL-3.0 the recordings, GPL-3.0 the repository that publishes this form",
+    spdx="AGPL-3.0-only AND GPL-3.0-only",
     source="V. Prasad, D. Koert, R. Stock-Homburg, J. Peters, G. Chalvatzaki: NuiSI dataset "
     "(github.com/souljaboy764/nuisi_dataset), as published in github.com/souljaboy764/phd_utils, data_preproc/nuisi",
     read=read,

@@ -71,6 +71,7 @@ NUISI_V1 = Recording(
     robot="",
     controlled_names=("shoulder", "elbow", "hand"),
     licence="AGPL-3.0",
+    spdx="AGPL-3.0-only",
     source="V. Prasad, D. Koert, R. Stock-Homburg, J. Peters, G. Chalvatzaki: NuiSI dataset "
     "(github.com/souljaboy764/nuisi_dataset, commit 360a147)",
     read=read,

@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 
 from mild_core.inference.gesture_recogniser import (
+    CAUTIOUS_S,
     FEATURES,
     GESTURES,
     MEMORY,
     PERIOD_NS,
+    RATE_HZ,
     GestureRecogniser,
     GestureState,
     features_of,
@@ -25,7 +27,7 @@ from mild_core.inference.stage import Inference
 from mild_core.learning.gestures import GestureSettings, background_arms
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.shapes import FloatArray
-from mild_core.signals import FeatureWindow
+from mild_core.signals import NAMED, OFFERED, FeatureWindow
 
 ROOT = Path(__file__).resolve().parent.parent.parent.parent
 
@@ -169,3 +171,29 @@ def test_settings_are_those_the_shipped_recogniser_was_learned_with(shipped: Ges
     settings = GestureSettings()
     assert len(shipped.leak) == settings.units
     assert shipped.bounds[0] == pytest.approx(settings.start_log_odds)
+
+
+def test_with_caution_somebody_starts_later_and_only_by_name(shipped: GestureRecogniser) -> None:
+    first = {}
+    for cautious in (False, True):
+        state = shipped.init()
+        for index, arm in enumerate(waving(120)):
+            state = shipped.step(state, arm, 10**9 + index * PERIOD_NS, cautious)
+            if state.started:
+                first.setdefault(cautious, index)
+    assert first[True] >= first[False] + CAUTIOUS_S * RATE_HZ / 2
+    model = load_model(ROOT / "models" / "yumi_buetepage_ahead")
+    for cautious in (False, True):
+        stage = Inference(model, cautious=cautious)
+        assert stage._may_start(OFFERED, 0.1, None) is not cautious
+        assert stage._may_start(NAMED, 0.1, None)
+
+
+def test_how_familiar_a_motion_is_does_not_saturate(shipped: GestureRecogniser) -> None:
+    """Probabilities of a readout whose logits are half as large say nearly the same of a wave, its logits do not."""
+    doubtful = replace(shipped, weight=0.5 * shipped.weight, bias=0.5 * shipped.bias)
+    sure, doubted = (played(each, waving(100))[-1] for each in (shipped, doubtful))
+    assert sure.familiar > 0.5
+    assert doubted.familiar_nats == pytest.approx(0.5 * sure.familiar_nats, rel=1e-6)
+    assert doubted.familiar < sure.familiar
+    assert played(shipped, np.repeat(waving(1), 40, axis=0))[-1].familiar == 1.0

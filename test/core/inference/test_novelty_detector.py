@@ -115,3 +115,16 @@ def test_the_scale_of_the_covariance_follows_the_interaction(made):
         np.testing.assert_allclose(answers[1], factor * answers[0])
     with pytest.raises(ModelError, match="covariance_scale"):
         build_model(described, {**arrays, "covariance_scale": -scale})
+
+
+def test_both_radii_of_the_interaction_are_published(made):
+    described, arrays = made
+    radii = np.array([[2.0, 3.0], [1.0, 4.0], [2.0, 3.0], [2.0, 3.0]])
+    model = build_model(described, {**arrays, "radii": radii})
+    features = np.random.default_rng(2).normal(size=(described.window, described.frame_values))
+    window = FeatureWindow(0, "arm", described.observed.joint_names, features)
+    for interaction, wanted in zip(INTERACTIONS[:2], radii, strict=False):
+        stage = Inference(model, interaction)
+        assert stage.step(stage.init(), window, 0)[1][0].radii == pytest.approx(tuple(wanted))
+    with pytest.raises(ModelError, match="radii"):
+        build_model(described, {**arrays, "radii": radii[:, ::-1]})

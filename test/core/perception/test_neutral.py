@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mild_core.errors import DataError
-from mild_core.perception.neutral import NeutralFrame, calibrate, strayed_m, torso_axes, with_newest
+from mild_core.perception.neutral import NeutralFrame, calibrate, torso_axes, unsteadiness, with_newest
 
 LEFT, RIGHT, PELVIS = np.array([0.0, 0.2, 0.5]), np.array([0.0, -0.2, 0.5]), np.zeros(3)
 MS = 1_000_000
@@ -78,8 +78,26 @@ def test_a_person_who_moves_anything_once_has_not_stood_still(which: str) -> Non
     else:
         trunk[4][0 if which == "left shoulder" else 2] += moved
     frames = tuple(frame(10 * index, *both) for index, both in enumerate(zip(still, trunk, strict=True)))
-    assert strayed_m(frames) == pytest.approx(0.09)
-    assert strayed_m(frames[:4]) == pytest.approx(0.0)
+    assert unsteadiness(frames)[0] == pytest.approx(0.09)
+    assert unsteadiness(frames[:4]) == pytest.approx((0.0, 0.0))
+
+
+@pytest.mark.parametrize("rate_hz", [5.0, 15.0, 30.0, 60.0])
+def test_jitter_is_no_motion_and_a_motion_no_jitter(rate_hz: float) -> None:
+    rng, times_s = np.random.default_rng(1), np.arange(0.0, 1.01, 1.0 / rate_hz)
+    trunk = np.stack([LEFT, RIGHT, PELVIS])
+
+    def of(places: np.ndarray, jitter_m: float) -> tuple[float, float]:
+        noisy = [place + jitter_m * rng.normal(size=(3, 3)) for place in places]
+        return unsteadiness(tuple(frame(1e3 * t, one[1], one) for t, one in zip(times_s, noisy, strict=True)))
+
+    standing = [of([trunk] * len(times_s), 0.025) for _ in range(20)]
+    assert np.median(standing, axis=0)[0] < 0.04
+    assert np.median(standing, axis=0)[1] == pytest.approx(0.025, rel=0.3)
+    walking = trunk + times_s[:, None, None] * np.array([0.3, 0.0, 0.0])  # 15 cm to either side of the mean
+    assert min(of(walking, 0.01)[0] for _ in range(20)) > 0.1
+    swinging = trunk + 0.2 * np.sin(4.0 * times_s)[:, None, None] * np.array([0.0, 1.0, 0.0])
+    assert min(of(swinging, 0.01)[0] for _ in range(20)) > 0.05
 
 
 def test_the_neutral_second_keeps_just_enough_frames_and_restarts_after_a_gap() -> None:

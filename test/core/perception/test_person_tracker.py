@@ -177,9 +177,12 @@ def test_bones_of_another_person_lead_to_a_new_calibration(alone: list[People]) 
 
     crowd = [(p,) if p.stamp_ns < 2 * SECOND else (giant(p),) for (p,) in seen(at_rate(40.0, 9.0), _at_rest)]
     state, _ = run(crowd, replace(SETTINGS, reacquire_distance_m=1.0))
-    assert state.counts["bone_length"] == pytest.approx(5 * 40, abs=2)
+    assert "bone_length" not in state.counts
     assert state.counts["forgotten"] == 1
+    assert state.counts["calibrated"] == 2
     assert state.outcome == "accepted"
+    assert state.calibration is not None
+    np.testing.assert_allclose(state.calibration.bone_lengths_m, [1.5 * 0.29, 1.5 * 0.335])
 
 
 def _at_rest(times_s: np.ndarray) -> np.ndarray:

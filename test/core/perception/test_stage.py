@@ -33,7 +33,8 @@ EXACT_M = 1e-9
 """Positions are rotated and scaled in float64 at the scale of metres: about 1e-15 of them is lost."""
 
 OUTCOMES = {
-    *("accepted", "calibrating", "moving", "no_person", "other_person", "duplicate", "out_of_order", "unknown_frame"),
+    *("accepted", "calibrating", "moving", "interrupted", "no_person", "other_person", "duplicate", "out_of_order"),
+    "unknown_frame",
     *("missing_joint", "not_finite", "zeroed", "out_of_range", "low_confidence", "bone_length"),
     *("flat_torso", "wrong_up_axis", "wrong_forward_axis", "mirrored"),
 }

@@ -31,6 +31,7 @@ def window(
     out_of_distribution: float = 0.2,
     joint_names: tuple[str, ...] = YUMI.joint_names,
     state: str = "named",
+    may_start: bool = True,
 ) -> MotionWindow:
     """A motion window with rows (W, J) at the model's rate."""
     return MotionWindow(
@@ -46,6 +47,7 @@ def window(
         phase=0.5,
         out_of_distribution=out_of_distribution,
         state=state,
+        may_start=may_start,
     )
 
 

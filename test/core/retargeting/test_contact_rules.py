@@ -94,6 +94,21 @@ def test_both_hands_of_the_robot_have_to_be_near_before_they_meet(contact) -> No
     assert contact.aim(LEARNED, SURE, beside(0.05), True, None, elsewhere, 10.0)[1] is None
 
 
+@pytest.mark.parametrize(
+    ("metres", "offered", "waits", "met"),
+    [(0.35, True, True, True), (0.35, True, False, False), (0.35, False, True, False), (0.9, True, True, False)],
+)
+def test_a_hand_that_waits_within_reach_is_met_wherever_it_is(contact, metres, offered, waits, met) -> None:
+    """Strangers hold their hands out where none of the model's people did."""
+    hand_m, joints, touch = beside(metres), LEARNED, None
+    assert metres > FAR_M
+    for _ in range(100):
+        joints, touch = contact.aim(LEARNED, SURE, hand_m, offered, touch, joints, TICK_S, waits=waits)
+    assert (touch is not None) is met
+    if met:
+        assert math.dist(CHAIN.tool(joints), hand_m) < 0.02
+
+
 def test_the_share_takes_its_time(contact) -> None:
     joints, touch, shares = LEARNED, None, []
     for _ in range(60):

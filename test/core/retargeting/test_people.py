@@ -451,6 +451,97 @@ def test_a_hand_without_a_name_starts_nothing_of_people_who_are_not_seen_to_stan
         assert named <= 3, "what was seen before counts once it has a name"
 
 
+OFFER = {"interaction": "", "state": OFFERED}
+
+
+def test_an_offered_hand_is_not_met_where_nothing_permits_to_start() -> None:
+    run = Around()
+    run.live(0.6, interaction="", state=RESTING)
+    run.live(1.0, GREETING, AWAY, **OFFER, may_start=False)
+    assert run.last.mode == "ready"
+
+
+REACH_M = HOME_M + np.array([0.15, 0.05, 0.1])
+"""Where a hand is offered: the robot's gets there, and what it has learned leads elsewhere."""
+
+
+def speeds_rad_s(run: Around, since: int = 0) -> FloatArray:
+    """(T,) of the fastest joint at each command."""
+    return np.abs([command.velocities_rad_s for command in run.commands[since:]]).max(axis=1)
+
+
+def tool_m(run: Around) -> FloatArray:
+    return chain_of(YUMI).tool(run.last.positions_rad)
+
+
+def offered_hand(run: Around, seconds: float) -> None:
+    """A hand comes out and is held before the robot, and nobody knows yet for what."""
+    run.live(0.6, interaction="", state=RESTING)
+    run.live(seconds, lambda t: REST_M + min(t / 0.8, 1.0) * (REACH_M - REST_M), AWAY, **OFFER, may_start=True)
+
+
+def test_an_offered_hand_is_met_slowly_by_inverse_kinematics_where_it_is_measured() -> None:
+    run = Around()
+    offered_hand(run, 3.0)
+    assert run.last.mode == "following"
+    assert np.linalg.norm(tool_m(run) - REACH_M) < 0.03
+    gentle = GENTLE * run.retargeting.settings.ramp_velocity_rad_s
+    assert 0.5 * gentle < speeds_rad_s(run).max() < 1.15 * gentle, "the planner may overshoot a little"
+    # The hand turns back: the robot's follows it as far as it reaches, and goes home when it has come to rest.
+    since = len(run.commands)
+    run.live(0.7, lambda t: REACH_M + 0.2 * t * (REST_M - REACH_M), AWAY, **OFFER, may_start=False)
+    moved = tool_m(run) - REACH_M
+    assert float(moved @ (REST_M - REACH_M)) > 0.01
+    run.live(0.8, lambda t: REACH_M + min(0.14 + t, 1.0) * (REST_M - REACH_M), AWAY, **OFFER, may_start=False)
+    run.live(1.2, REST_M, AWAY, interaction="", state=RESTING)
+    assert run.last.mode in ("returning", "ready")
+    assert speeds_rad_s(run, since).max() < 1.5 * gentle
+    check_limits(YUMI, run.commands)
+
+
+def test_when_the_name_comes_the_robot_goes_on_without_a_jump() -> None:
+    run = Around()
+    offered_hand(run, 1.2)
+    before = run.last
+    run.live(0.03, REACH_M, AWAY, interaction="handshake")
+    step = np.abs(np.array(run.commands[-1].positions_rad) - np.array(before.positions_rad)).max()
+    assert step < 0.03, "three ticks at less than 1 rad/s"
+    run.live(2.0, REACH_M, AWAY, interaction="handshake")
+    assert run.last.mode == "following"
+    assert [command.mode for command in run.commands].count("holding") == 0
+    check_limits(YUMI, run.commands)
+
+
+def test_a_hand_is_met_from_wherever_the_robot_is() -> None:
+    run = Around()
+    run.live(0.6)
+    run.live(2.0, MET_M, AWAY)
+    run.live(0.9, REST_M, AWAY, interaction="", state=RESTING)
+    assert run.last.mode == "returning"
+    run.live(2.5, lambda t: REST_M + min(t / 0.8, 1.0) * (REACH_M - REST_M), AWAY, **OFFER, may_start=True)
+    assert np.linalg.norm(tool_m(run) - REACH_M) < 0.03
+    check_limits(YUMI, run.commands)
+
+
+def test_a_bystander_beside_an_offered_hand_is_kept_away_from() -> None:
+    at = REACH_M + np.array([0.0, 0.18, 0.0])
+    run = Around()
+    run.live(0.6, interaction="", state=RESTING, others=still(at))
+    run.live(3.0, lambda t: REST_M + min(t / 0.8, 1.0) * (REACH_M - REST_M), AWAY, still(at), **OFFER, may_start=True)
+    assert run.clear_m(np.array([at, at]), 0.12).min() >= run.retargeting.settings.keep_out_m - 1e-6
+    check_limits(YUMI, run.commands)
+
+
+def test_a_given_interaction_that_is_not_the_one_performed_is_followed_slowly() -> None:
+    fast = [Around(RetargetingSettings(ramp_velocity_rad_s=0.3)) for _ in range(2)]
+    for run, may_start in zip(fast, (True, False), strict=True):
+        run.live(0.6)
+        run.live(2.0, MET_M, AWAY, may_start=may_start)
+        assert run.last.mode == "following"
+    gentle = GENTLE * 0.3
+    assert speeds_rad_s(fast[1]).max() < 1.15 * gentle < speeds_rad_s(fast[0]).max()
+
+
 def test_a_hand_that_is_back_at_its_rest_sends_the_robot_home() -> None:
     """It has no name any more, and is nothing unknown either."""
     run = Around()
