@@ -25,7 +25,8 @@ class Plan:
         start_ns: Time of row 0.
         period_ns: Time between rows.
         rows: (W, J) positions in the robot's joint order [rad], or (W, 3, 3) a partner's shoulder, elbow and hand [m].
-        interaction: What it is about; "" for a hand that is offered for nobody knows what: its rows are not followed.
+        interaction: What it is about; "" for a hand that is offered for an unknown interaction: its rows are not
+            followed.
         gentle: Whether it is carried out slowly.
         covariance: Of the window's joint angles [rad^2], or of the partner's joints [m^2].
     """

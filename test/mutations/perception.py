@@ -155,15 +155,15 @@ FAULTS = (
     ),
     Fault(
         "one stretched bone is another person",
-        "One bone that is too long for long is taken for somebody else's.",
+        "One bone that is too long for long is taken for another person's.",
         f"{HERE}/bone_fit.py",
         "min(ratios) > 1.0 + tolerance",
         "max(ratios) > 1.0 + tolerance",
         TESTS,
     ),
     Fault(
-        "a hole in the neutral second is not told",
-        "Whoever is hidden again and again while calibrating is told nothing.",
+        "a hole in the neutral second is not reported",
+        "A person who is hidden again and again while calibrating gets no reason.",
         f"{HERE}/stage.py",
         "if hole_s <= settings.max_gap_s else",
         "if hole_s <= 1e9 else",
