@@ -82,8 +82,9 @@ def build_model(manifest: Manifest, arrays: Arrays) -> MildModel:
     Args:
         manifest: Says which arrays there are.
         arrays: `member_<i>.<network>.<layer>.<array>`, `member_<i>.prior.<interaction>.<array>`,
-            `member_<i>.latent_radius`; `residual_covariance`; and, optional, `covariance_scale`, `radii`, `recognition`
-            (temper, forgetting), `territory.<array>`, `reservoir.<array>`, `start_pose.<array>`, `gestures.<array>`.
+            `member_<i>.latent_radius`; `residual_covariance`; and, optional, `covariance_scale`, `radii`,
+            `recognition` (temper, forgetting), `territory.<array>`, `reservoir.<array>`, `start_pose.<array>`,
+            `gestures.<array>`.
 
     Raises:
         ModelError: An array is missing, of another shape, not finite or not what the manifest says; it is named.

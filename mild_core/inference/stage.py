@@ -165,14 +165,14 @@ class Inference:
         own = self._recognise(before.recognition, found, given, seen)
         novelty, ood_score = self._stray(before.novelty, given, found)
         familiar = self._familiar(own, ood_score) if seen.gestures is not None else ood_score <= 1.0
-        own_strangeness = ood_score
+        own_score = ood_score
         recognition, ood_score = self._carried_over(own, ood_score, seen.gestures)
         generated = self._generate(found, recognition)
         answer = self._beside(generated, given, seen, recognition)
         state_name = self._state_name(recognition, familiar, seen.gestures, before)
-        may_start = self._may_start(state_name, own_strangeness, seen.gestures)
+        may_start = self._may_start(state_name, own_score, seen.gestures)
         if self.interaction != AUTO and not may_start:
-            wider = 1.0 + MOST_WIDENED * min(self._novelty(own_strangeness, seen.gestures) - 1.0, 1.0)
+            wider = 1.0 + MOST_WIDENED * min(self._novelty(own_score, seen.gestures) - 1.0, 1.0)
             answer = replace(answer, covariance=wider * answer.covariance)
         motion = self._motion(given, recognition, ood_score, answer, state_name, may_start)
         events = {**events, "accepted": 1, **({"unknown": 1} if ood_score > 1.0 else {})}
