@@ -6,7 +6,7 @@ oscillation, and what the hand has done since it left its rest. A reservoir of l
 seconds, and two linear readouts classify the same activations:
 
     novelty      the known interactions and rest, learned without a background: how far the largest logit of a known one
-                 stands out tells foreign motions from known ones
+                 stands out separates foreign motions from known ones
     permission   the same and a background of other movements (reaching, walking, fidgeting): whether to start at all
 
 Everything is relative to the length of the arm, by the directions of its bones, and runs at 20 Hz whatever the rate of
@@ -81,7 +81,7 @@ are smaller. A twentieth of the known motions of people left out lie below. Sour
 "Scaling out-of-distribution detection for real-world settings", ICML 2022."""
 
 CAUTIOUS_LOG_ODDS, CAUTIOUS_S = 1.0, 0.5
-"""What `permit` must exceed its bound by, and for how long, before somebody starts who is watched with caution. Chosen
+"""What `permit` must exceed its bound by, and for how long, before a person starts in cautious mode. Chosen
 on people left out: 85 % of NuiSI's and 80 % of v1's greetings are still named within 4 s."""
 
 DOUBT = 2.0
@@ -291,7 +291,7 @@ class GestureRecogniser:
             state: Before it.
             arm: (3, 3) a frame of `unit_arm`.
             stamp_ns: Of it, later than the one before.
-            cautious: Whether more evidence is asked for before somebody starts, see `CAUTIOUS_LOG_ODDS`.
+            cautious: Whether more evidence is required before a person starts, see `CAUTIOUS_LOG_ODDS`.
         """
         if state.stamp_ns is None:
             state = replace(state, stamp_ns=stamp_ns, next_ns=stamp_ns, arm=arm)

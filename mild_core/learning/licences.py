@@ -9,7 +9,7 @@ from mild_core.inference.manifest import Manifest
 from mild_core.learning.datasets import DATASETS
 
 NOASSERTION = "NOASSERTION"
-"""SPDX's word for a licence of which nobody says anything."""
+"""SPDX's word for an unknown licence."""
 
 
 def both(expressions: Iterable[str]) -> str:
@@ -26,9 +26,9 @@ def sources_of(manifest: Manifest) -> dict[str, str]:
     kept = manifest.training.get("sources")
     if isinstance(kept, dict) and kept:
         return {str(name): str(spdx) for name, spdx in kept.items()}
-    told = [str(manifest.training.get("dataset", "unknown"))]
-    told += [name for name in DATASETS if f"{name} (" in str(manifest.training.get("gestures", ""))]
-    return {name: DATASETS[name].spdx if name in DATASETS else NOASSERTION for name in dict.fromkeys(told)}
+    named = [str(manifest.training.get("dataset", "unknown"))]
+    named += [name for name in DATASETS if f"{name} (" in str(manifest.training.get("gestures", ""))]
+    return {name: DATASETS[name].spdx if name in DATASETS else NOASSERTION for name in dict.fromkeys(named)}
 
 
 def licence_of(manifest: Manifest) -> str:

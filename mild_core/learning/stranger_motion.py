@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """How far from a stranger's hand a model sends the robot's, without a camera that would tell it where they stand.
 
-Whoever walks up holds the hand out elsewhere than the people of the model's recording did. Theirs are put where those
+A stranger holds the hand out elsewhere than the people of the model's recording did. Theirs are put where those
 stood, with arms of the model's bones, and asked is where the robot's tool would be while their hand is held out.
 """
 
@@ -41,7 +41,7 @@ def as_observed(arm_m: FloatArray, bones_m: tuple[float, float]) -> FloatArray:
 
 
 def strangers_for(model: MildModel, rate_hz: float, trials: Sequence[Demonstration]) -> list[Demonstration]:
-    """Both people of other recordings as trials of a model; what its robot did nobody knows, and zeros stand there.
+    """Both people of other recordings as trials of a model; what its robot did is unknown, and zeros stand there.
 
     Args:
         model: Which.

@@ -27,7 +27,7 @@ class BoneFit:
 
     @property
     def misfit_ns(self) -> int:
-        """How long this may have been somebody else's arm."""
+        """How long this may have been another person's arm."""
         return 0 if self.misfit_since_ns is None else self.stamp_ns - self.misfit_since_ns
 
 

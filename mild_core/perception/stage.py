@@ -361,7 +361,7 @@ class Perception:
     def _compared_bones(
         self, state: PerceptionState, arm: list[Point], stamp_ns: int, events: Counter[str]
     ) -> PerceptionState:
-        """The state with the bones of this frame; calibrating again when they have been somebody else's for long."""
+        """The state with the bones of this frame; calibrating again when they have been another person's for long."""
         calibration, settings = state.calibration, self.settings
         if calibration is None:
             return state

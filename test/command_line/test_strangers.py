@@ -26,7 +26,7 @@ TIMES_S = np.arange(0.0, 7.0, 1.0 / RATE_HZ)
 
 
 def shaken(hand_m: tuple[float, float, float]) -> np.ndarray:
-    """(T, J, 3) somebody who looks along x, stands, holds the hand out after a second and takes it back after five."""
+    """(T, J, 3) a person who looks along x, stands, holds the hand out after a second and takes it back after five."""
     rest = np.array([0.02, -0.02, -0.58])
     out = np.interp(TIMES_S, [1.0, 2.0, 5.0, 6.0], [0.0, 1.0, 1.0, 0.0])
     out = (out * out * (3.0 - 2.0 * out))[:, None]
@@ -63,7 +63,7 @@ def _measured(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_robot_takes_the_partner_s_place_and_meets_the_hand(measured, capsys) -> None:
-    """Nobody of the model's recordings stood so; frames come between two ticks of the control clock."""
+    """No person of the model's recordings stood so; frames come between two ticks of the control clock."""
     (recording,) = read_people(measured)
     assert 2.5 < meeting(recording).sum() / RATE_HZ < 4.5
     command = ("evaluate", "--people", str(measured), "--model", "yumi_buetepage_ahead")
@@ -75,7 +75,7 @@ def test_the_robot_takes_the_partner_s_place_and_meets_the_hand(measured, capsys
     assert found["active"]["right"] == 1.0
 
 
-def test_who_is_alone_meets_nobody(tmp_path, capsys) -> None:
+def test_who_is_alone_meets_no_one(tmp_path, capsys) -> None:
     alone = people_file(tmp_path / "people.npz", 1)
     (recording,) = read_people(alone)
     assert not meeting(recording).any()

@@ -146,7 +146,7 @@ FAULTS = (
     ),
     Fault(
         "the robot stays where it was recorded",
-        "The person's hand is told elsewhere and the robot's is not.",
+        "The person's hand is moved elsewhere and the robot's is not.",
         f"{HERE}/paired.py",
         "angles_rad, robot.tool_link)[:, :3, 3] + aside_m",
         "angles_rad, robot.tool_link)[:, :3, 3] + 0.0 * aside_m",

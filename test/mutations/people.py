@@ -532,7 +532,7 @@ FAULTS = (
     Fault(
         "every offered hand is met",
         "A hand is met that nothing permits to meet.",
-        "mild_core/retargeting/reception.py",
+        "mild_core/retargeting/input_handlers.py",
         "(given.may_start or state.mode is Mode.FOLLOWING)",
         "True",
         ("test/core/retargeting/test_people.py",),

@@ -124,7 +124,7 @@ FAULTS = (
     Fault(
         "a stretched bone condemns its frame",
         "A bone of another length than calibrated is taken for a glitch wherever it points.",
-        f"{HERE}/gates.py",
+        f"{HERE}/joint_validity.py",
         "LEAP_RAD, LEAP_RAD_S = 0.6, 15.0",
         "LEAP_RAD, LEAP_RAD_S = -1.0, 0.0",
         TESTS,
@@ -132,7 +132,7 @@ FAULTS = (
     Fault(
         "a leaping bone is believed",
         "A bone that has leapt to another length and direction is used.",
-        f"{HERE}/gates.py",
+        f"{HERE}/joint_validity.py",
         "if turned > LEAP_RAD + LEAP_RAD_S * elapsed_s:",
         "if turned > 4.0 + LEAP_RAD_S * elapsed_s:",
         TESTS,
@@ -155,15 +155,15 @@ FAULTS = (
     ),
     Fault(
         "one stretched bone is another person",
-        "One bone that is too long for long is taken for somebody else's.",
+        "One bone that is too long for long is taken for another person's.",
         f"{HERE}/bone_fit.py",
         "min(ratios) > 1.0 + tolerance",
         "max(ratios) > 1.0 + tolerance",
         TESTS,
     ),
     Fault(
-        "a hole in the neutral second is not told",
-        "Whoever is hidden again and again while calibrating is told nothing.",
+        "a hole in the neutral second is not reported",
+        "A person who is hidden again and again while calibrating gets no reason.",
         f"{HERE}/stage.py",
         "if hole_s <= settings.max_gap_s else",
         "if hole_s <= 1e9 else",

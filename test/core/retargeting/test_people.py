@@ -475,7 +475,7 @@ def tool_m(run: Around) -> FloatArray:
 
 
 def offered_hand(run: Around, seconds: float) -> None:
-    """A hand comes out and is held before the robot, and nobody knows yet for what."""
+    """A hand comes out and is held before the robot, for an interaction that is not known yet."""
     run.live(0.6, interaction="", state=RESTING)
     run.live(seconds, lambda t: REST_M + min(t / 0.8, 1.0) * (REACH_M - REST_M), AWAY, **OFFER, may_start=True)
 
