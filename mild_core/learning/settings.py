@@ -74,7 +74,7 @@ class Augmentation:
 
 @dataclass(frozen=True)
 class Paired:
-    """How far people of augmented trials differ from the recorded ones, see `paired`. Lengths are in arm lengths.
+    """How far the people differ who repeat trials, see `paired`. Lengths are in arm lengths.
 
     Attributes:
         copies: Of each trial.
@@ -209,7 +209,7 @@ class TrainingSettings:
         prior: The prior and its re-estimation.
         weights: Of the objective's terms.
         augmentation: None: trials as recorded.
-        paired: None: no augmentation by other people.
+        paired: None: by the recorded people only.
         recogniser: None: the reservoir alone classifies the interaction; without one, the priors' likelihoods do.
         reservoir: None: the members answer alone.
         start_pose: Whether a start pose correction is learned, see `start_pose`; needs a reservoir.

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """How far from a stranger's hand a model sends the robot's, without a camera that measures where they stand.
 
-Strangers hold the hand out elsewhere than the people of the model's recording. Each is placed where those stood, with
-the model's bone lengths; measured is the distance of the robot's tool while the hand is held out.
+A stranger holds the hand out elsewhere than the people of the model's recording did. Theirs are put where those
+stood, with arms of the model's bones, and asked is where the robot's tool would be while their hand is held out.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def as_observed(arm_m: FloatArray, bones_m: tuple[float, float]) -> FloatArray:
 
 
 def strangers_for(model: MildModel, rate_hz: float, trials: Sequence[Demonstration]) -> list[Demonstration]:
-    """Both people of other recordings as trials of a model; the robot's motion is unknown and filled with zeros.
+    """Both people of other recordings as trials of a model; what its robot did is unknown, and zeros stand there.
 
     Args:
         model: Which.

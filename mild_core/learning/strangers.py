@@ -85,7 +85,7 @@ def watch(pipeline: Pipeline, recording: PeopleRecording, person: int) -> Watche
     stood = still_ticks
     label = SAME.get(recording.label, recording.label)
     for time_s, skeleton in skeletons(recording, person):
-        while now_ns + TICK_NS <= skeleton.stamp_ns:  # never beyond it: a clock that goes back resets the stages
+        while now_ns + TICK_NS <= skeleton.stamp_ns:  # never beyond it: a clock that goes back resets
             now_ns += TICK_NS
             measured = JointMeasurement(now_ns, robot.joint_names, positions_rad)
             state, _ = pipeline.step(state, measured, now_ns)

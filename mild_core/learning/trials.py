@@ -30,7 +30,7 @@ SPDX: tuple[str, ...] = (
     *("Apache-2.0", "MIT", "BSD-2-Clause", "BSD-3-Clause", "CC0-1.0", "CC-BY-4.0", "CC-BY-SA-4.0"),
     *("GPL-3.0-only", "GPL-3.0-or-later", "AGPL-3.0-only", "AGPL-3.0-or-later", "LGPL-3.0-only"),
 )
-"""Licences of a folder of trials that are taken as SPDX expressions; others are only shown as they are written."""
+"""Licences of a folder of trials that are taken at their word; others are shown to people as they are written."""
 
 MANIFEST, ARRAYS = "trials.toml", "trials.npz"
 FORMAT_VERSION = 1

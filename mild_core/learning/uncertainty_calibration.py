@@ -167,15 +167,15 @@ def calibrate(doubts: Sequence[CalibrationSample]) -> UncertaintyCalibration:
         whole = _together(_distances(doubt, _residual(doubts)) for doubt in own).spread()
         scale[name], freedom[name] = whole.scale, whole.freedom
         radii[name] = whole.radii(own[0].errors.shape[-1])
-        raw, calibrated = [], []
+        raw, scaled = [], []
         for fold in sorted({doubt.fold for doubt in own}):
             residual = _residual([doubt for doubt in doubts if doubt.fold != fold])
             found = [(doubt.fold, _distances(doubt, residual)) for doubt in own]
             learned = _together(distances for other, distances in found if other != fold).spread()
             held_out = [distances for other, distances in found if other == fold]
             raw += [distances.reliability(_GAUSSIAN) for distances in held_out]
-            calibrated += [distances.reliability(learned) for distances in held_out]
-        before[name], after[name] = _mean(raw), _mean(calibrated)
+            scaled += [distances.reliability(learned) for distances in held_out]
+        before[name], after[name] = _mean(raw), _mean(scaled)
     return UncertaintyCalibration(scale, freedom, radii, before, after)
 
 

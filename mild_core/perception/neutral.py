@@ -110,7 +110,7 @@ def unsteadiness(frames: tuple[NeutralFrame, ...]) -> tuple[float, float]:
     """How far the watched shoulder or a joint of the trunk strayed from its mean [m], and how much the tracker jitters.
 
     A tracker's jitter differs from frame to frame, while a body moves on: the mean square of successive differences
-    measures the first, and what is left of the variance the second. A joint that was elsewhere for a frame is beyond
+    determines the first, and what is left of the variance the second. A joint that was elsewhere for a frame is beyond
     what jitter explains.
 
     Returns:

@@ -38,8 +38,8 @@ class PerceptionSettings:
         max_gap_s: Longest time without a usable frame that is bridged by interpolation.
         min_confidence: Least confidence of a joint that is used; the Azure Kinect's guessed joints have 0.3.
         bone_tolerance: Largest relative deviation of a bone from its calibrated length that raises no doubt: beyond it
-            a bone must not leap, and arms that are so for `forget_s` are another person's. 0.3, because an Azure Kinect
-            lets the whole skeleton breathe by +-11 %.
+            a bone must not leap, and arms that are so for `forget_s` belong to another person. 0.3, because an Azure
+            Kinect lets the whole skeleton breathe by +-11 %.
         reacquire_distance_m: How near to where the person was last seen a body has to be to be the same person.
         frozen_after_s: A body whose joints are equal to the bit for longer, under new stamps, is not measured any more.
         forget_s: How long a lost person is waited for before another one may take over.

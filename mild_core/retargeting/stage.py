@@ -5,13 +5,12 @@
 
 The robot is commanded from where it says it is. Once the person raises the hand it follows the newest motion, read a
 little ahead of now because the limits make it lag, and brings the hands together where they are meant to touch. A hand
-that is offered before it is known for what is met by inverse kinematics alone, slowly, where it is measured. When the
-hand is back, or without a usable motion, it stops smoothly and goes home slowly; a person who starts on its way is
-followed at once. A motion into itself, into a person or too fast near one is rejected, and the arm gives way to people
-who come too near, also while it waits at home; only an operator's hold stands still. A robot that is found far from its
-command for a while (moved by hand, blocked, switched off) is not pulled back: the command moves smoothly to where the
-robot is, and what follows ramps from there. A robot that no longer says where it is may be anywhere, so the command
-stops until it speaks again.
+that is offered before it is known for what is met wherever it is measured, slowly. When the hand is back, or without a
+usable motion, it stops smoothly and goes home slowly; a person who starts on its way is followed at once. A motion into
+itself, into a person or too fast near one is rejected, and the arm gives way to people who come too near, also while it
+waits at home; only an operator's hold stands still. A robot that is found far from its command for a while (moved by
+hand, blocked, switched off) is not pulled back: the command moves smoothly to where the robot is, and what follows
+ramps from there. A robot that no longer says where it is may be anywhere, so the command stops until it speaks again.
 """
 
 from __future__ import annotations
@@ -55,7 +54,7 @@ __all__ = ["Mode", "Request", "Retargeting", "RetargetingInput", "RetargetingSet
 HOME_SHARE = 0.1
 """Share of the robot's acceleration and jerk used on the way home: no person waits for it."""
 
-GENTLE = 0.75
+GENTLE = 0.8
 """Share of `ramp_velocity_rad_s` with which the robot meets a hand that is offered, not yet known for what, and follows
 a given interaction that is not the one performed."""
 
@@ -112,7 +111,6 @@ class Retargeting:
     _merger: JointMerger = field(init=False, repr=False)
     _yielding: Yielding = field(init=False, repr=False)
     _contact: Contact | None = field(init=False, repr=False)
-    _meeting: Contact | None = field(init=False, repr=False)
     _lower: FloatArray = field(init=False, repr=False)
     _upper: FloatArray = field(init=False, repr=False)
     _home: Joints = field(init=False, repr=False)
@@ -133,7 +131,6 @@ class Retargeting:
         object.__setattr__(self, "_yielding", Yielding(robot, self.settings, self._guard))
         touches = self.settings.ik != "off" and self.standing is not None
         object.__setattr__(self, "_contact", Contact(robot, self.settings.ik, margin) if touches else None)
-        object.__setattr__(self, "_meeting", Contact(robot, "only", margin) if touches else None)
 
     def init(self) -> RetargetingState:
         """The state before the first input."""
@@ -391,11 +388,9 @@ class Retargeting:
         elapsed_s: float,
     ) -> tuple[RetargetingState, Joints]:
         """Where the joints are sent while following: as learned, hands brought together, no faster than allowed."""
-        if state.unnamed is bool(plan.interaction):  # another way leads onto the plan, from where the robot is
-            state = replace(state, unnamed=not plan.interaction, pursuit=None)
-        aimed, touch = self._wanted(plan, motion, now_ns), None
-        contact = self._contact if plan.interaction else self._meeting
-        if contact is not None:
+        learned = aimed = self._wanted(plan, motion, now_ns)
+        touch = None
+        if self._contact is not None:
             hand_m = self._hand(state, now_ns)
             touches = self._is_met(plan) and bool(np.isfinite(hand_m).all())
             touches = touches and self._may_touch(state) and not state.yielding
@@ -405,9 +400,10 @@ class Retargeting:
             offered = state.sight is not None and state.sight.offered()
             given = (plan.covariance, met_m, offered, state.touch)
             measured = state.sight is not None and state.sight.frame_id == ROBOT_FRAME
-            waits = measured and state.sight is not None and (now_ns - state.sight.raised_ns) * 1e-9 > WAITS_S
+            raised_s = 0.0 if state.sight is None else (now_ns - state.sight.raised_ns) * 1e-9
+            waits = measured and (not plan.interaction or raised_s > WAITS_S)
             here_rad = np.array(motion.position_rad)
-            aimed, touch = contact.aim(aimed, *given, here_rad, elapsed_s, waits=waits)
+            aimed, touch = self._contact.aim(aimed, *given, here_rad, elapsed_s, waits=waits)
             aimed = np.minimum(np.maximum(aimed, self._lower), self._upper)
         pursuit = state.pursuit or RampIn.onto(aimed, self._limiter.resting_place(motion))
         hurry = 0.0 if touch is None or plan.gentle else touch.share * self._guard.nearness(state.near_m)
@@ -417,8 +413,10 @@ class Retargeting:
         target = np.minimum(np.maximum(target, self._lower), self._upper)
         before = np.array(pursuit.target_rad)
         if plan.gentle:
-            most_rad, way_rad = UNHURRIED * ramp_rad_s * elapsed_s, float(np.abs(target - before).max())
-            target = before + min(1.0, most_rad / max(way_rad, 1e-9)) * (target - before)
+            # Beside the learned motion itself, which goes as fast as its people did.
+            learned_rad = np.abs(learned - self._wanted(plan, motion, now_ns - round(elapsed_s * 1e9)))
+            most_rad = UNHURRIED * ramp_rad_s * elapsed_s + learned_rad
+            target = before + np.minimum(np.maximum(target - before, -most_rad), most_rad)
         target = self._guard.limit_speed(before, target, here, among, state.crowded, elapsed_s)
         pursuit = pursuit.at(target, aimed)
         return replace(state, touch=touch, pursuit=pursuit), pursuit.target_rad

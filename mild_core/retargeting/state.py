@@ -48,7 +48,6 @@ class RetargetingState:
             the one that was carried out last, oldest first.
         plan: The newest usable motion; None when there is nothing to follow.
         had_plan: Whether there was one at the command before.
-        unnamed: Whether what is followed has no name yet: an offered hand.
         pursuit: The way onto the plan; None unless following, and where it ramps in again.
         unknown_since_ns: When the model ceased to know what the person does; None while it knows.
         holding_since_ns: When holding began.
@@ -89,7 +88,6 @@ class RetargetingState:
     pending: tuple[tuple[int, Joints], ...] = ()
     plan: Plan | None = None
     had_plan: bool = False
-    unnamed: bool = False
     pursuit: RampIn | None = None
     unknown_since_ns: int | None = None
     holding_since_ns: int = 0

@@ -25,7 +25,7 @@ class Plan:
         start_ns: Time of row 0.
         period_ns: Time between rows.
         rows: (W, J) positions in the robot's joint order [rad], or (W, 3, 3) a partner's shoulder, elbow and hand [m].
-        interaction: What it is about; "" for an offered hand without a name yet: its rows are not followed.
+        interaction: What it is about; "" for an offered hand that has no name yet.
         gentle: Whether it is carried out slowly.
         covariance: Of the window's joint angles [rad^2], or of the partner's joints [m^2].
     """

@@ -46,7 +46,7 @@ def models(
     names = [name] if name else model_names()
     manifests = {one: read_manifest(model_folder(one)) for one in names}
     if as_json:
-        print(json.dumps({one: _with_licence(manifest) for one, manifest in manifests.items()}, indent=1))
+        print(json.dumps({one: _summary(manifest) for one, manifest in manifests.items()}, indent=1))
     elif licence:
         _print_licences(manifests)
     elif name:
@@ -57,7 +57,7 @@ def models(
         _print(manifests, share_folder("models"))
 
 
-def _with_licence(manifest: Manifest) -> dict[str, Any]:
+def _summary(manifest: Manifest) -> dict[str, Any]:
     """All of a manifest, with the licence of its sources."""
     from mild_core.learning.licences import licence_of, sources_of
 

@@ -99,7 +99,7 @@ def train(
 
     The recogniser of gestures, which carries over to strangers, learns from the people in your trials beside those of
     all recordings that are here; three trials of each interaction already help. With --people own it learns from yours
-    alone, so that no other licence applies to the model.
+    alone, so that the model stands under no other licence.
 
     How many epochs are enough: with --doublings 3 (`doublings` of a configuration) a network learns from three folds
     of four for an eighth of the epochs and is asked about the fourth, then another for twice as many, and so on, until

@@ -75,7 +75,7 @@ def test_the_robot_takes_the_partner_s_place_and_meets_the_hand(measured, capsys
     assert found["active"]["right"] == 1.0
 
 
-def test_a_person_alone_has_no_meeting(tmp_path, capsys) -> None:
+def test_who_is_alone_meets_no_one(tmp_path, capsys) -> None:
     alone = people_file(tmp_path / "people.npz", 1)
     (recording,) = read_people(alone)
     assert not meeting(recording).any()

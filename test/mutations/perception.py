@@ -162,7 +162,7 @@ FAULTS = (
         TESTS,
     ),
     Fault(
-        "a gap in the neutral second is not reported",
+        "a hole in the neutral second is not reported",
         "A person who is hidden again and again while calibrating gets no reason.",
         f"{HERE}/stage.py",
         "if hole_s <= settings.max_gap_s else",

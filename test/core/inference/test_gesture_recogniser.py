@@ -173,7 +173,7 @@ def test_settings_are_those_the_shipped_recogniser_was_learned_with(shipped: Ges
     assert shipped.bounds[0] == pytest.approx(settings.start_log_odds)
 
 
-def test_with_caution_an_interaction_starts_later_and_only_by_name(shipped: GestureRecogniser) -> None:
+def test_with_caution_a_person_starts_later_and_only_by_name(shipped: GestureRecogniser) -> None:
     first = {}
     for cautious in (False, True):
         state = shipped.init()

@@ -60,7 +60,7 @@ def test_licences_are_put_together_once_each() -> None:
 
 
 @pytest.mark.parametrize("folder", sorted(MODELS.iterdir()), ids=lambda folder: folder.name)
-def test_every_shipped_model_states_the_licences_of_its_sources(folder: Path) -> None:
+def test_every_shipped_model_names_the_licences_of_its_sources(folder: Path) -> None:
     manifest = read_manifest(folder)
     sources = sources_of(manifest)
     assert manifest.licence == licence_of(manifest) == both(sources.values())

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Trials augmented by other people: the robot's hand goes where theirs goes, and arms keep their bones."""
+"""Trials repeated by other people: the robot's hand goes where theirs goes, and who is bent stays a person."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import torch
 
 from mild_core.learning.corpus import corpus_of
 from mild_core.learning.demonstration import Demonstration
-from mild_core.learning.paired import MISSED_M, augment_pairs, bent_arm
+from mild_core.learning.paired import MISSED_M, bent_arm, repeated_by_others
 from mild_core.learning.settings import Paired
 from mild_core.learning.windows import PROTOCOLS
 from mild_core.retargeting.kinematics import forward_kinematics
@@ -35,7 +35,7 @@ def tool(trial: Demonstration) -> np.ndarray:
 
 def test_the_tool_follows_the_hand_to_another_place_and_both_begin_at_rest() -> None:
     trial = with_yumi("handshake")
-    again = [trials[0] for trials in augment_pairs([trial], SAME_SPEED, 0)]
+    again = [trials[0] for trials in repeated_by_others([trial], SAME_SPEED, 0)]
     farthest = int(np.linalg.norm(trial.observed_m[:, 2] - trial.observed_m[0, 2], axis=1).argmax())
     moved = []
     for other in again:
@@ -49,27 +49,27 @@ def test_the_tool_follows_the_hand_to_another_place_and_both_begin_at_rest() -> 
 
 def test_where_no_hands_meet_the_robot_stays_as_it_was_recorded() -> None:
     trial = with_yumi("hand_wave")
-    ((other,), *_) = augment_pairs([trial], SAME_SPEED, 0)
+    ((other,), *_) = repeated_by_others([trial], SAME_SPEED, 0)
     np.testing.assert_allclose(other.controlled, trial.controlled)
     assert np.abs(other.observed_m - trial.observed_m).max() > 0.01
 
 
 def test_bones_keep_their_lengths() -> None:
     trial = with_yumi("handshake")
-    for (other,) in augment_pairs([trial], SAME_SPEED, 0):
+    for (other,) in repeated_by_others([trial], SAME_SPEED, 0):
         lengths = np.linalg.norm(np.diff(other.observed_m, axis=1), axis=2)
         np.testing.assert_allclose(lengths, np.linalg.norm(np.diff(trial.observed_m, axis=1), axis=2), atol=1e-6)
 
 
 def test_people_are_faster_and_slower_and_the_robot_with_them() -> None:
     trial = with_yumi("hand_wave")
-    ((other,),) = augment_pairs([trial], Paired(copies=1, speed=(2.0, 2.0)), 0)
+    ((other,),) = repeated_by_others([trial], Paired(copies=1, speed=(2.0, 2.0)), 0)
     assert other.frames == trial.frames // 2
     np.testing.assert_allclose(other.controlled, trial.controlled[::2])
 
 
-def test_a_robot_that_is_not_known_and_a_partner_are_not_augmented() -> None:
-    assert augment_pairs(made_trials(2), Paired(), 0) == ()
+def test_a_robot_that_is_not_known_and_a_partner_are_left_as_they_are() -> None:
+    assert repeated_by_others(made_trials(2), Paired(), 0) == ()
 
 
 @pytest.mark.parametrize("hand", [(0.0, 0.0, -0.5), (0.0, 0.0, -2.0), (1e-9, 0.0, 0.0), (0.3, -0.2, 0.1)])
@@ -81,7 +81,7 @@ def test_an_arm_is_bent_whatever_is_wanted_of_it(hand) -> None:
     np.testing.assert_allclose(np.linalg.norm(bent[:, 1] - bent[:, 0], axis=1), 0.25, atol=1e-3)
 
 
-def test_a_share_of_what_is_drawn_is_augmented() -> None:
+def test_a_share_of_what_is_drawn_is_repeated() -> None:
     trials = [with_yumi("handshake"), with_yumi("hand_wave")]
     corpus = corpus_of(trials, PROTOCOLS["same"], ("handshake", "hand_wave"), replace(SAME_SPEED, share=0.5), 0)
     assert len(corpus.again) == 3

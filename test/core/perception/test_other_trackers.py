@@ -34,7 +34,7 @@ def stretched(frame: SkeletonFrame, upper: float, fore: float) -> SkeletonFrame:
 
 
 def breathing(messages: list[People], rng: np.random.Generator, low: float, high: float) -> list[People]:
-    """A tracker that stretches both bones by other factors in each frame after the neutral second."""
+    """A tracker that stretches both bones in each frame after the neutral second."""
     return [
         (stretched(frame, *rng.uniform(low, high, 2)),) if frame.stamp_ns > SECOND else (frame,)
         for (frame,) in messages
@@ -155,7 +155,7 @@ def _hidden(messages: list[People]) -> list[People]:
         (lambda messages: [(changed(p, "pelvis", confidence=0.1),) for (p,) in messages], "low_confidence", "pelvis"),
     ],
 )
-def test_the_reason_for_no_calibration_is_reported(spoil: object, reason: str, said: str) -> None:
+def test_who_is_not_calibrated_gets_the_reason(spoil: object, reason: str, said: str) -> None:
     messages = spoil(seen(at_rate(40.0, 4.0), lambda times: np.repeat(AT_REST[None], len(times), axis=0)))
     state, windows = run(messages)
     assert state.calibration is None
@@ -164,7 +164,7 @@ def test_the_reason_for_no_calibration_is_reported(spoil: object, reason: str, s
     assert any(said in detail for detail in _details(messages))
 
 
-def test_arms_of_another_length_for_long_are_another_person_s() -> None:
+def test_arms_of_another_length_for_long_are_another_persons() -> None:
     fit: BoneFit | None = None
     for index in range(100):
         lengths = (0.3, 0.28) if index < 20 else (0.45, 0.42) if index < 80 else (0.45, 0.28)
@@ -175,7 +175,7 @@ def test_arms_of_another_length_for_long_are_another_person_s() -> None:
     assert fit.misfit_since_ns is None  # one bone fits again: a tracker that stretches the other
 
 
-def test_a_tracker_that_stretches_one_bone_does_not_calibrate_again() -> None:
+def test_a_tracker_that_stretches_one_bone_calibrates_no_one_again() -> None:
     settings: PerceptionSettings = replace(SETTINGS, forget_s=1.0)
     messages = [(stretched(p, 1.0, 1.6),) if p.stamp_ns > SECOND else (p,) for (p,) in seen(at_rate(40.0, 5.0))]
     state, _ = run(messages, settings)

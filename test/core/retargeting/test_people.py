@@ -420,7 +420,7 @@ def test_a_hand_that_is_offered_is_answered_gently_before_it_has_a_name() -> Non
         following = [command for command in after.commands if command.mode == "following"][:150]
         return max(float(np.abs(command.velocities_rad_s).max()) for command in following)
 
-    gentle_rad_s = 1.05 * GENTLE * slow.ramp_velocity_rad_s
+    gentle_rad_s = 1.1 * GENTLE * slow.ramp_velocity_rad_s
     assert fastest_rad_s(run) < gentle_rad_s < 0.9 * fastest_rad_s(eager)
     run.live(0.5, MET_M, AWAY, interaction="", state=NONE)
     assert run.last.mode == "holding", "in the end it was none"
@@ -475,7 +475,7 @@ def tool_m(run: Around) -> FloatArray:
 
 
 def offered_hand(run: Around, seconds: float) -> None:
-    """A hand comes out and is held before the robot, and it is not known yet for what."""
+    """A hand comes out and is held before the robot, for an interaction that is not known yet."""
     run.live(0.6, interaction="", state=RESTING)
     run.live(seconds, lambda t: REST_M + min(t / 0.8, 1.0) * (REACH_M - REST_M), AWAY, **OFFER, may_start=True)
 
