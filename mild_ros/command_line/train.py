@@ -271,7 +271,7 @@ def _write(
     training["sources"] = {name: one.spdx for name, one in of_all.items()}
     facts = ModelFacts(out.resolve().name, recording.robot, recording.observed_side, _placement(recording, trials))
     facts = replace(facts, training=training, licence=both(training["sources"].values()), errors=errors)
-    manifest, arrays = export(trained, trials, residual, replace(facts, training=training, errors=errors), **regions)
+    manifest, arrays = export(trained, trials, residual, facts, **regions)
     save_model(out, manifest, arrays | gestures, model_card(manifest, recording, command))
     typer.echo(f"written: {out} ({sum(file.stat().st_size for file in out.iterdir()) / 1e6:.1f} MB)")
 

@@ -115,7 +115,7 @@ def test_a_card_says_whether_the_error_levelled_off(tmp_path, monkeypatch, capsy
 
 
 def test_a_partners_arm_is_learned_and_scored_in_metres_and_starts_another(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("mild_ros.command_line.train._gestures", lambda interactions: ({}, "none: left out here"))
+    monkeypatch.setattr("mild_ros.command_line.train._gestures", lambda *_: ({}, ()))
     tracks = [np.tile(smooth_track(index, 60 + index)[:, :9], 2) for index in range(8)]
     data = write_people(tmp_path / "a.npz", tracks, [index // 2 for index in range(8)])
     out = tmp_path / "made"

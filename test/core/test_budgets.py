@@ -160,14 +160,14 @@ PROGRAM = """
 import resource, sys
 from pathlib import Path
 from mild_core.errors import SetupError
-from mild_core.learning.safe_npz import read_archive
+from mild_core.learning.safe_npz import read_safe_npz
 from mild_core.retargeting.robot_file import read_robot
 kind, file, memory = sys.argv[1:]
 have = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
 resource.setrlimit(resource.RLIMIT_AS, (have + int(memory),) * 2)
 try:
     names = [f"a{i}" for i in range(9)] if b"a8.npy" in Path(file).read_bytes() else ["a"]
-    read_archive(Path(file), names) if kind == "npz" else read_robot(Path(file))
+    read_safe_npz(Path(file), names) if kind == "npz" else read_robot(Path(file))
 except SetupError as error:
     print(error)
 """

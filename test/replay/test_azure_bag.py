@@ -83,8 +83,8 @@ def test_every_message_of_it_is_accounted_for(recorded: list[Recorded]) -> None:
         "windows": len(windows),
         "filled": 254,
     }
-    assert 60 + 11 + 37 + 156 + 669 == len(recorded) == 933
-    assert len(windows) == 1980
+    assert 60 + 11 + 36 + 156 + 670 == len(recorded) == 933
+    assert len(windows) == 1983
 
 
 def test_its_windows_are_an_arm_at_the_models_rate(recorded: list[Recorded]) -> None:

@@ -165,5 +165,5 @@ def test_the_last_line_says_why_the_robot_never_moved(tmp_path: Path, capsys: py
 def test_no_count_is_negative(tmp_path: Path, seen: int, lost: int, unrecorded: int) -> None:
     outcomes = tuple(Handled("pipeline", 0, "accepted", index) for index in range(seen))
     report = make_report(run(tmp_path, outcomes=outcomes), YUMI)
-    assert (report.lost, report.unrecorded) == (lost, unrecorded)
+    assert (report.dropped, report.unrecorded) == (lost, unrecorded)
     assert (("seen, but not recorded", "4") in _lines(report)) is (unrecorded > 0)

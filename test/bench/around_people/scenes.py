@@ -285,8 +285,8 @@ def head_into_hand(rng: Rng) -> Setting:
     reach = long * math.sin(lean)
     x, y = hand[0] - reach * math.cos(yaw), hand[1] - reach * math.sin(yaw)
     start, takes = (4.2, rng.uniform(1.5, 2.5)) if out else (0.5, rng.uniform(1.5, 2.5))
-    augment = path((start, (0.0,)), (start + takes, (lean,)))
-    other = Person(sizes, path((0.0, (float(x), float(y), yaw))), floor_m=floor, lean=augment, number=lambda _: 2)
+    leaning = path((start, (0.0,)), (start + takes, (lean,)))
+    other = Person(sizes, path((0.0, (float(x), float(y), yaw))), floor_m=floor, lean=leaning, number=lambda _: 2)
     return Setting((person, other), end_s + 3.0, Expectation(0.0))
 
 
@@ -442,7 +442,7 @@ def lunge(rng: Rng) -> Setting:
 
 
 @scene("While hands touch, the person bends over them, the head into the working space.", quick=True)
-def augment(rng: Rng) -> Setting:
+def bend(rng: Rng) -> Setting:
     person, end_s = greeter(rng)
     return Setting((_bent(rng, person, end_s),), end_s + 3.0, Expectation(0.0))
 

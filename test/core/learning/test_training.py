@@ -88,7 +88,7 @@ def test_the_paper_learns_the_human_first_and_lends_its_hidden_layers_to_the_rob
 @pytest.mark.parametrize("epochs", [1, 2, 6])
 def test_the_papers_robot_learns_however_few_epochs_there_are(epochs):
     reports, _ = reports_and_model(replace(SMALL_PAPER, epochs=epochs))
-    assert [report.controlled > 0.0 for report in reports] == [epoch >= epochs // 3 for epoch in range(epochs)]
+    assert [report.controlled > 0.0 for report in reports] == [epoch >= round(epochs / 3) for epoch in range(epochs)]
     for preset in PRESETS.values():
         assert all(replace(preset, epochs=few).observed_epochs < few for few in (1, 2, 10, 30, 40, 60))
 
