@@ -79,8 +79,11 @@ def _compile(robot: RobotModel, settings: RetargetingSettings, standing: Assumed
     state, _ = stage.step(state, None, 1)
     home_m = forward_kinematics(robot, robot.home_rad, robot.tool_link)[:3, 3]
     trunk_m = home_m + np.array([0.6, 0.0, 0.0])
-    for number, (hand_m, head_m) in enumerate(((trunk_m, trunk_m), (home_m + 0.1, trunk_m), (home_m + 0.1, home_m))):
-        now_ns = (1 + number) * 10_000_000
+    near_m = home_m + 0.1
+    # A hand is carried on with its speed: one that has just come near must stay there to be met.
+    met = [(now_s, near_m, trunk_m) for now_s in (0.25, 0.3, 0.35, 0.4)]
+    for now_s, hand_m, head_m in ((0.01, trunk_m, trunk_m), *met, (0.45, near_m, near_m), (0.5, near_m, near_m)):
+        now_ns = round(now_s * 1e9)
         ends = np.array([[head_m, head_m], [trunk_m, trunk_m], [trunk_m, hand_m]])
         body = BodySegments((0, 0, 0), ("head", "trunk", "right_forearm"), ends, 0.0 * ends, np.full(3, 0.05))
         pose = PersonPose(now_ns, ROBOT_FRAME, hand_m, head_m, np.stack([trunk_m, trunk_m]), body)
