@@ -529,4 +529,12 @@ FAULTS = (
         "int(port) in bound",
         DOCTOR,
     ),
+    Fault(
+        "the rehearsal meets no hand",
+        "What brings hands together is compiled when the first hand is met, and commands stop meanwhile.",
+        "mild_ros/assembly/retargeting.py",
+        "for now_s in (0.25, 0.3, 0.35, 0.4)]",
+        "for now_s in ()]",
+        ("test/replay/test_compiled_before.py",),
+    ),
 )
