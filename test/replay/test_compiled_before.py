@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is compiled is compiled before the first message: a compilation while the robot moves would stop its commands."""
+"""All is compiled before the first message: a compilation while the robot moves would stop its commands."""
 
 import subprocess
 import sys
