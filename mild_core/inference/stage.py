@@ -383,7 +383,7 @@ class Inference:
         return recognise(before, evidence, self.model.temper, self.model.forgetting)
 
     def _stray(self, novelty: FloatArray, window: FeatureWindow, found: _Found) -> tuple[FloatArray, float]:
-        """How far the person has strayed from each interaction, and the out-of-distribution score."""
+        """The novelty of the motion for each interaction, and the out-of-distribution score."""
         ood_score = min([sum([seen.score for seen in members]) / len(members) for members in found])
         if self.model.territory is None:
             return novelty, ood_score

@@ -40,7 +40,7 @@ class InferenceState:
         index: Its number since the start or the last reset.
         copies: S of them.
         recognition: Which interaction it is.
-        strayed: See `NoveltyDetector.follow`; (0,) in a model without one.
+        novelty: See `NoveltyDetector.follow`; (0,) in a model without one.
         units: (R,) of the reservoir; None before the first window, and in a model without one.
         rest: Where the hand rested; None before the first window.
         published: What the newest motion says of the interaction; None before the first.

@@ -107,14 +107,14 @@ def with_newest(
 
 
 def unsteadiness(frames: tuple[NeutralFrame, ...]) -> tuple[float, float]:
-    """How far the watched shoulder or a joint of the trunk strayed from its mean [m], and how much the tracker jitters.
+    """How far the watched shoulder or a joint of the trunk moved from its mean [m], and how much the tracker jitters.
 
     A tracker's jitter differs from frame to frame, while a body moves on: the mean square of successive differences
     determines the first, and what is left of the variance the second. A joint that was elsewhere for a frame is beyond
     what jitter explains.
 
     Returns:
-        For the joint that strayed most, the farthest that an even motion of this variance takes it from its mean, or
+        For the joint that moved most, the farthest that an even motion of this variance takes it from its mean, or
         it was beyond its jitter, and no more than it was; for the one that jitters most, the deviation of each of its
         coordinates.
 
@@ -124,7 +124,7 @@ def unsteadiness(frames: tuple[NeutralFrame, ...]) -> tuple[float, float]:
     trunks = [frame.trunk_m for frame in frames if frame.trunk_m is not None]
     joints = list(np.moveaxis(np.stack(trunks), 1, 0)) if trunks else []
     tracks = [np.stack([frame.shoulder_m for frame in frames]), *joints]
-    strayed = jitter = 0.0
+    displacement_m = jitter = 0.0
     for track in tracks:
         if len(track) < 2:
             continue
@@ -134,8 +134,8 @@ def unsteadiness(frames: tuple[NeutralFrame, ...]) -> tuple[float, float]:
         usual = float(np.median(np.linalg.norm(steps, axis=1))) / MEDIAN_STEP
         farthest = float(np.linalg.norm(away, axis=1).max())
         unexplained = max(math.sqrt(3.0 * max(moved, 0.0)), farthest - FARTHEST_JITTER * usual)
-        strayed, jitter = max(strayed, min(farthest, unexplained)), max(jitter, noise)
-    return strayed, math.sqrt(jitter / 3.0)
+        displacement_m, jitter = max(displacement_m, min(farthest, unexplained)), max(jitter, noise)
+    return displacement_m, math.sqrt(jitter / 3.0)
 
 
 def calibrate(

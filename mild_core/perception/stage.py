@@ -347,9 +347,9 @@ class Perception:
         state = replace(state, neutral=frames)
         if newest.stamp_ns - frames[0].stamp_ns < settings.calibration_s * FULL_SECOND * 1e9:
             return state, *(("calibrating", "") if hole_s <= settings.max_gap_s else ("interrupted", _hole(hole_s)))
-        strayed, jitter = unsteadiness(frames)
-        if strayed > settings.calibration_still_m:
-            return state, "moving", f"trunk strayed {strayed:.3f} m, wait for {settings.calibration_s:g} s of standing"
+        moved_m, jitter = unsteadiness(frames)
+        if moved_m > settings.calibration_still_m:
+            return state, "moving", f"trunk moved {moved_m:.3f} m, wait for {settings.calibration_s:g} s of standing"
         if jitter > JITTERIEST_M:
             return state, "moving", f"trunk jitters by {jitter:.3f} m: bring the person nearer, or into better light"
         try:

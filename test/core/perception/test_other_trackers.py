@@ -149,7 +149,7 @@ def _hidden(messages: list[People]) -> list[People]:
 @pytest.mark.parametrize(
     ("spoil", "reason", "said"),
     [
-        (_walking, "moving", "trunk strayed"),
+        (_walking, "moving", "trunk moved"),
         (lambda messages: jittering(messages, np.random.default_rng(0), 0.08, 0.0), "moving", "trunk jitters by 0.0"),
         (_hidden, "interrupted", "was not seen for 0.6 s"),
         (lambda messages: [(changed(p, "pelvis", confidence=0.1),) for (p,) in messages], "low_confidence", "pelvis"),
