@@ -95,8 +95,8 @@ class KinematicTree:
         """
         above = {link, *(joint.parent for joint in self.chain(link))}
         if base and base not in above:  # the other arm, or what the arm is mounted on
-            inverse: FloatArray = np.linalg.inv(self.pose(base, positions))
-            return inverse @ self.pose(link, positions)
+            from_base = np.asarray(np.linalg.inv(self.pose(base, positions)), dtype=np.float64)
+            return from_base @ self.pose(link, positions)
         pose: FloatArray = np.eye(4)
         for joint in self.chain(link, base):
             pose = pose @ joint.origin
