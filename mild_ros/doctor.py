@@ -24,10 +24,11 @@ from pathlib import Path
 from typing import Any
 
 from mild_core.errors import MildError
-from mild_core.inference.model import load_model
-from mild_core.resources import model_folder, model_names
+from mild_core.resources import load_model, model_names, share_folder
 from mild_ros.dds_variables import HARMLESS, PAIRED, PROFILES_HERE, UNNAMED, given
+from mild_ros.libraries import NEEDED, REMEDY
 from mild_ros.processes import DOMAINS, PYTHON, shared_memory_owners
+from mild_ros.settings import PipelineParameters
 from mild_ros.simulation.quiet import quiet_terminal
 
 SEE = "see docs/troubleshooting.md"
@@ -84,14 +85,14 @@ def libraries() -> Finding:
     """Everything that the nodes import."""
     missing = []
     ros = ("rclpy",) if has_ros() else ()  # where there is none, `distribution` says so
-    for name in (*ros, "numpy", "numba", "ruckig", "pybullet", "rosbags", "safetensors", "viser", "matplotlib"):
+    for name in (*ros, *NEEDED):
         try:
             with quiet_terminal():  # pybullet prints when it was built
                 import_module(name)
         except ImportError as error:
             missing.append(f"{name} ({error})")
     seen = "all import" if not missing else f"missing: {', '.join(missing)}"
-    return Finding("Libraries", not missing, seen, "remove .venv and run ./mild doctor again; with apt: rosdep install")
+    return Finding("Libraries", not missing, seen, REMEDY)
 
 
 def has_ros() -> bool:
@@ -330,14 +331,16 @@ def _answer(process: subprocess.Popen[str]) -> Any:
 
 def models() -> Finding:
     """Whether every model that came with the package answers as it did when it was trained."""
-    names, faults = model_names(), []
+    names, here = model_names(), share_folder("models")
+    folders = {path.name for path in here.iterdir() if path.is_dir()}
+    faults = [f"{here / name}: holds no model" for name in sorted({PipelineParameters().model, *folders} - {*names})]
     for name in names:
         try:
-            load_model(model_folder(name))
-        except MildError as error:
+            load_model(name)
+        except (MildError, ImportError) as error:
             faults.append(str(error))
     seen = "; ".join(faults) if faults else f"{', '.join(names)}: golden samples answered alike"
-    return Finding("Models", bool(names) and not faults, seen, "restore the folder models from the repository")
+    return Finding("Models", not faults, seen, "in a checkout: git restore models; otherwise install the package again")
 
 
 EXAMINATIONS: tuple[Callable[[], Finding], ...] = (

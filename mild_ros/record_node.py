@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.serialization import deserialize_message
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from std_msgs.msg import Header
 
@@ -106,7 +107,9 @@ class RecordNode(GuardedNode):
         super().destroy_node()  # type: ignore[no-untyped-call]
 
     def _look(self) -> None:
-        """Subscribe to topics that have appeared, and to new publishers of those there are."""
+        """Subscribe to topics that have appeared, and to new publishers of those there are; write what has waited."""
+        with giving_up(self):
+            self._write_early()
         for topic, types in self.get_topic_names_and_types():
             if self._wanted and topic not in self._wanted:
                 continue
@@ -177,18 +180,37 @@ class RecordNode(GuardedNode):
     def _write(self, topic: str, data: bytes) -> None:
         """Write a message down, and say so to a replay in lock-step that waits for it.
 
-        Before the first `/clock` of a simulation there is no time: what is latched waits for it, all else is left out.
+        Before the first `/clock` of a simulation there is no time: what is latched waits for it, and what a replay
+        waits for, which may overtake that clock; all else is left out.
         """
-        now_ns = self.get_clock().now().nanoseconds
-        if self._simulated and now_ns == 0:
-            if topic in self._latched:
+        if not self._has_time():
+            if topic in self._latched or self._is_awaited(topic, data):
                 self._early.append((topic, data))
             else:
                 self._before_clock += 1
             return
-        early, self._early = self._early, []
-        for name, message in (*early, (topic, data)):
-            self._bag.write(name, self._types[name], now_ns, message)
+        self._write_early()
+        self._put(topic, data)
+
+    def _has_time(self) -> bool:
+        return not self._simulated or self.get_clock().now().nanoseconds > 0
+
+    def _is_awaited(self, topic: str, data: bytes) -> bool:
+        """Whether a replay waits until this outcome is written down: it is of something that the replay has sent."""
+        if self._recorded is None or topic != self._handled:
+            return False
+        stamp = deserialize_message(data, Header).stamp
+        return bool(stamp.sec or stamp.nanosec)
+
+    def _write_early(self) -> None:
+        """Write what has waited for the first `/clock`, if that has come."""
+        if self._early and self._has_time():
+            early, self._early = self._early, []
+            for topic, data in early:
+                self._put(topic, data)
+
+    def _put(self, topic: str, data: bytes) -> None:
+        self._bag.write(topic, self._types[topic], self.get_clock().now().nanoseconds, data)
         if self._recorded is not None and topic == self._handled:
             self._recorded.publish(data)
 

@@ -11,6 +11,7 @@ import numpy as np
 from mild_core.perception.skeletons import SkeletonSource
 from mild_ros.bag_people import source_fault
 from mild_ros.bags import open_bag
+from mild_ros.settings import PipelineParameters
 from mild_ros.viewing.recorded import JointTrack, RecordedRun
 
 STILL_RAD = 0.005
@@ -51,7 +52,11 @@ def counts_of(run: RecordedRun) -> dict[str, Counter[str]]:
 
 
 def why_still(
-    run: RecordedRun, source: SkeletonSource, counts: Mapping[str, Mapping[str, int]], detail: str = ""
+    run: RecordedRun,
+    source: SkeletonSource,
+    counts: Mapping[str, Mapping[str, int]],
+    parameters: PipelineParameters,
+    detail: str = "",
 ) -> tuple[str, str]:
     """What was in the way, and a remedy.
 
@@ -59,6 +64,7 @@ def why_still(
         run: Without a movement.
         source: Tracker convention that it was replayed with.
         counts: Events by reason, of each stage, and of `messages` those that could not be read.
+        parameters: That it was replayed with.
         detail: What perception said of the newest message that it could not use.
     """
     with open_bag(run.path) as bag:
@@ -79,9 +85,14 @@ def why_still(
     if late and sum(late.values()) >= retargeted["accepted"]:
         reason = max(late, key=lambda name: late[name])
         return f"{late[reason]} predictions were '{reason}'", REMEDIES[reason]
+    if not parameters.enabled:
+        return "it was not enabled", "leave out enabled:=false, or, in a live system, ./mild enable"
     if run.commands is None:
         return "no command was sent: the robot published no joint states", "check joint_states, and robot_joint_names"
-    if retargeted["unknown"] > retargeted["accepted"] // 2:
+    performed = any(motion.state == "none" for motion in run.motions)
+    if performed and retargeted["unknown"] > retargeted["accepted"] // 2:
         words = "what the person does was recognised as none of the model's interactions"
         return words, "name it with --interaction, or take a model that knows it"
-    return "the person rested all the time, or did nothing that this robot answers", "name an interaction, or see plots"
+    named = parameters.interaction != "auto"
+    remedy = f"is it the {parameters.side} hand that moves? plots.png shows it" if named else "name an interaction"
+    return f"the {parameters.side} hand rested all the time, or did nothing that this robot answers", remedy

@@ -14,7 +14,7 @@ import numpy as np
 from mild_core.errors import SetupError
 from mild_core.retargeting.arm_mapping import LONGEST_M, SHORTEST_M
 from mild_core.retargeting.inverse_kinematics import InverseKinematics, Reach
-from mild_core.retargeting.kinematics import forward_kinematics
+from mild_core.retargeting.kinematics import forward_kinematics, read_tree
 from mild_core.retargeting.robot import RobotModel
 from mild_core.shapes import FloatArray
 
@@ -51,14 +51,13 @@ class LinkFollower:
         shoulder, self._elbow = robot.arm_links
         self._tool, self._home = robot.tool_link, robot.home_rad
         self._solver = InverseKinematics(robot, (self._elbow, self._tool))
-        ends = np.stack([robot.home_rad, robot.lower_rad, robot.upper_rad])
-        shoulders, elbows, tools = (
-            np.broadcast_to(forward_kinematics(robot, ends, link)[..., :3, 3], (3, 3))
-            for link in (shoulder, self._elbow, self._tool)
-        )
-        if np.ptp(shoulders, axis=0).max() > STAYS_M:
+        shoulders, elbows, tools = (_ends(robot, link) for link in (shoulder, self._elbow, self._tool))
+        if not _stays(shoulders):
             problem = f"its shoulder link '{shoulder}' moves with the arm"
-            raise SetupError(f"robot {robot.name}", problem, "name a link about whose origin the arm turns")
+            carried = read_tree(robot.urdf_path).chain(self._tool, robot.base_link)
+            standing = [link for link in (joint.child for joint in carried) if _stays(_ends(robot, link))]
+            remedy = f"name a link about whose origin the arm turns: '{(standing or [robot.base_link])[-1]}'"
+            raise SetupError(f"robot {robot.name}", problem, remedy)
         self._shoulder_m = shoulders[0]
         self._upper_arm_m = float(np.linalg.norm(elbows[0] - shoulders[0]))
         self._forearm_m = float(np.linalg.norm(tools[0] - elbows[0]))
@@ -74,6 +73,17 @@ class LinkFollower:
         reaches = (Reach(self._elbow, elbow_m), Reach(self._tool, hand_m))
         found: tuple[float, ...] = tuple(self._solver.step(np.array(near_rad), reaches, self._home, STEPS).tolist())
         return found
+
+
+def _ends(robot: RobotModel, link: str) -> FloatArray:
+    """(3, 3) where a link is [m] with the arm at home and at either end of all joints."""
+    joints_rad = np.stack([robot.home_rad, robot.lower_rad, robot.upper_rad])
+    places: FloatArray = np.broadcast_to(forward_kinematics(robot, joints_rad, link)[..., :3, 3], (3, 3))
+    return places
+
+
+def _stays(places_m: FloatArray) -> bool:
+    return float(np.ptp(places_m, axis=0).max()) <= STAYS_M
 
 
 def arm_follower(robot: RobotModel) -> ArmFollower:

@@ -88,11 +88,15 @@ class KinematicTree:
         Args:
             link: Name of a link.
             positions: (...) position of each joint by name [rad, or m of a sliding joint]; a missing one is 0.
-            base: Name of the link whose frame is used.
+            base: Name of the link whose frame is used, whether or not it carries `link`.
 
         Raises:
-            SetupError: There is no such link, or `base` does not carry it.
+            SetupError: There is no such link.
         """
+        above = {link, *(joint.parent for joint in self.chain(link))}
+        if base and base not in above:  # the other arm, or what the arm is mounted on
+            from_base = np.asarray(np.linalg.inv(self.pose(base, positions)), dtype=np.float64)
+            return from_base @ self.pose(link, positions)
         pose: FloatArray = np.eye(4)
         for joint in self.chain(link, base):
             pose = pose @ joint.origin

@@ -82,10 +82,13 @@ def prepared(path: Path, robot: RobotModel, source: str) -> Prepared:
     root.extend(added)
     note = ""
     if meshes.missing:
-        names = sorted({name.split("://")[-1].split("/")[0] for name in meshes.missing})
+        packaged = [name for name in meshes.missing if name.startswith(SCHEMES)]
+        packages = sorted({name.split("://")[1].split("/")[0] for name in packaged})
+        names = packages or [f"files such as {sorted(meshes.missing)[0]}"]
         drawn = f"as our own {robot.name} is" if ours else "not at all"
         what = f"{len(meshes.missing)} meshes of {', '.join(names)} are not here"
-        note = f"{source}: {what}: those parts are drawn {drawn}; source the workspace that has them"
+        remedy = "source the workspace that has them" if packages else "put them there, or name them by package://"
+        note = f"{source}: {what}: those parts are drawn {drawn}; {remedy}"
     if not (meshes.changed or added) and _is_plain(path):
         return Prepared(path, note)
     return Prepared(temporary(ElementTree.tostring(root, encoding="unicode")), note)

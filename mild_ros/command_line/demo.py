@@ -60,5 +60,5 @@ def demo(
     if not shown.report.limits.kept:
         raise SetupError("demo", "a command broke a limit", "please report it with the recorded bag")
     if not has_moved(shown.run.commands):
-        why, remedy = why_still(shown.run, skeleton_source(options.pipeline), counts_of(shown.run))
+        why, remedy = why_still(shown.run, skeleton_source(options.pipeline), counts_of(shown.run), options.pipeline)
         raise SetupError("demo", f"the robot never moved: {why}", remedy)

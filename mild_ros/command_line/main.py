@@ -16,6 +16,7 @@ import typer
 
 from mild_core.errors import MildError, SetupError
 from mild_core.printable import printable_lines
+from mild_ros.libraries import unusable
 from mild_ros.local_dds import OPTION, keep_to_this_machine
 from mild_ros.terminal import show_any_text
 
@@ -64,24 +65,12 @@ LOCAL = ("demo", "replay", "faults")
 
 EXIT_SET_UP, EXIT_INTERRUPTED = 2, 130
 
-ROS_PACKAGES = ("rclpy", "ament_index_python", "builtin_interfaces", "rcl_interfaces")
-"""Packages of ROS 2 beside those of messages and services."""
-
 FULL = (errno.ENOSPC, errno.EDQUOT)
 """What a disk without room says."""
 
 
 def _say(line: str) -> None:
     print(printable_lines(f"mild: {line}"), file=sys.stderr)
-
-
-def _without_ros(error: ModuleNotFoundError) -> SetupError:
-    """What to do about a package of ROS 2 that is missing; raises `error` again when it is another package."""
-    package = (error.name or "").split(".")[0]
-    if package not in ROS_PACKAGES and not package.endswith(("_msgs", "_srvs")):
-        raise error
-    remedy = "source a ROS 2 Jazzy, or run ./mild in a checkout, which brings one"
-    return SetupError("ROS 2", f"is not installed here (no {package}), and this needs it", remedy)
 
 
 def _in_one_line(command: Callable[..., Any]) -> Callable[..., None]:
@@ -94,8 +83,8 @@ def _in_one_line(command: Callable[..., Any]) -> Callable[..., None]:
             command(*arguments, **options)
         except MildError as error:
             _say(str(error))
-        except ModuleNotFoundError as error:
-            _say(str(_without_ros(error)))
+        except ImportError as error:
+            _say(str(unusable(error)))
         except KeyboardInterrupt:
             _say("interrupted")
             raise typer.Exit(EXIT_INTERRUPTED) from None
@@ -178,8 +167,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         keep_to_this_machine()
     try:
         app = assemble(wanted)
-    except ModuleNotFoundError as error:
-        _say(str(_without_ros(error)))
+    except ImportError as error:
+        _say(str(unusable(error)))
         raise SystemExit(EXIT_SET_UP) from None
     app(args=given, prog_name="mild")
 

@@ -115,7 +115,7 @@ def replay(
     print_summary(shown, title, console)
     if not has_moved(shown.run.commands):
         counts = counts or counts_of(shown.run)
-        why, remedy = why_still(shown.run, skeleton_source(parameters), counts, detail)
+        why, remedy = why_still(shown.run, skeleton_source(parameters), counts, parameters, detail)
         raise SetupError("replay", f"the robot never moved: {why}", remedy)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import os
 import sys
-from importlib import import_module
 from pathlib import Path
 from typing import Annotated
 
@@ -13,6 +12,7 @@ import typer
 
 from mild_core.errors import SetupError, unknown_name
 from mild_ros.launching import LAUNCHES, read_arguments, run_launch
+from mild_ros.libraries import check_needed
 from mild_ros.processes import as_yaml
 
 NODES = {
@@ -85,7 +85,7 @@ def launch(
             print(f"{argument}:={'' if default is None else default}\n    {text}")
         return
     given = read_arguments(wanted, words or ())
-    import_module("rclpy")
+    check_needed()
     raise typer.Exit(run_launch(wanted, given))
 
 
@@ -111,7 +111,7 @@ def record(
 
 def _become(node: str, words: list[str]) -> None:
     """Become the node's process, so that signals and the exit code are its own."""
-    import_module("rclpy")  # what is missing is found here, where it is one line
+    check_needed()  # here, where it is one line
     try:
         os.execv(sys.executable, [sys.executable, "-P", "-m", f"mild_ros.{node}_node", *words])
     except OSError as error:

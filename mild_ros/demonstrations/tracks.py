@@ -118,14 +118,14 @@ def joints_on_grid(
         max_gap_s: Longest time between two values of a joint that is bridged.
 
     Raises:
-        SetupError: A joint is in no message.
+        SetupError: No message has a position of a joint.
     """
     timed = [(clock.time_ns(one.stamp_ns, received_ns), one) for received_ns, one in measured]
     missing = [name for name in names if not any(name in one.joint_names for _, one in timed)]
     if missing:
         there = ", ".join(sorted({name for _, one in timed for name in one.joint_names})) or "no joint at all"
         remedy = "give the names that the bag has as robot_joint_names in [robot], in our order"
-        raise SetupError(f"joint {missing[0]}", f"is in no message; there are {there}", remedy)
+        raise SetupError(f"joint {missing[0]}", f"has a position in no message; there are {there}", remedy)
     columns = []
     for name in names:
         pairs = {

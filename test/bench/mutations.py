@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Plants faults in copies of the tree, one at a time, and lists those that the quick tests of their area do not notice.
 
-    ./mild measure mutations [FAULT ...] [--jobs 2] [--list] [--remember]
+    ./mild measure mutations [PART ...] [--jobs 2] [--list] [--remember]
 
 Each fault of `test/mutations` is put into a copy of this checkout, whose tests of the fault's area have passed without
 it. One that survives shows a rule that no quick test holds. Outcomes are kept in `.mild/mutations` under the content of
@@ -28,12 +28,13 @@ import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
+from difflib import get_close_matches
 from pathlib import Path
 
-from mild_core.errors import SetupError, unknown_name
+from mild_core.errors import SetupError
 from test.bench import warm_tests
 from test.bench.warm_tests import LIBRARIES, Call
-from test.mutations import FAULTS
+from test.mutations import AREAS, FAULTS
 from test.mutations.fault import INTERPRETED, Fault, faulty
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -329,6 +330,33 @@ def run(faults: Sequence[Fault], jobs: int, folder: Path, source: Path = ROOT) -
     return [found[fault.name] for fault in faults]
 
 
+def chosen(parts: Sequence[str]) -> list[Fault]:
+    """The faults of the named parts; all for none.
+
+    Args:
+        parts: Names of areas or of faults, or parts of the names of faulty files.
+
+    Raises:
+        SetupError: A part names no fault.
+    """
+
+    def belongs(fault: Fault, part: str) -> bool:
+        return fault in AREAS.get(part, ()) or part == fault.name or part in fault.file
+
+    for part in parts:
+        if not any(belongs(fault, part) for fault in FAULTS):
+            raise unknown_part(part)
+    return [fault for fault in FAULTS if not parts or any(belongs(fault, part) for part in parts)]
+
+
+def unknown_part(part: str) -> SetupError:
+    """One line for a part that names no fault: with areas rather than hundreds of faults, and the likeliest name."""
+    close = get_close_matches(part, [*AREAS, *(fault.name for fault in FAULTS)], n=1)
+    hint = f"did you mean '{close[0]}'? " if close else ""
+    wanted = f"{hint}name an area ({', '.join(AREAS)}), a part of a file's name, or a fault of --list"
+    return SetupError("measure mutations", f"no fault belongs to '{part}'", wanted)
+
+
 def report(faults: Sequence[Fault], outcomes: Sequence[Outcome]) -> str:
     """What survived, and how many did not."""
     lines = []
@@ -348,17 +376,16 @@ def report(faults: Sequence[Fault], outcomes: Sequence[Outcome]) -> str:
 def main() -> int:
     """Run and print; 1 where a fault survived or could not be judged."""
     words = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    words.add_argument("fault", nargs="*", help="names of faults, or parts of their files' names; all by default")
+    words.add_argument(
+        "part",
+        nargs="*",
+        help=f"an area ({', '.join(AREAS)}), a part of a faulty file's name, or a fault's name; all by default",
+    )
     words.add_argument("--jobs", type=int, default=min(2, os.cpu_count() or 1), help="faults at a time (%(default)s)")
     words.add_argument("--list", action="store_true", help="only list the faults")
     words.add_argument("--remember", action="store_true", help=f"write down in {NOTICED_BY} which tests noticed them")
     given = words.parse_args()
-    faults = list(FAULTS)
-    if given.fault:
-        for word in given.fault:
-            if not any(word == fault.name or word in fault.file for fault in FAULTS):
-                raise unknown_name("fault", word, [fault.name for fault in FAULTS])
-        faults = [fault for fault in FAULTS if any(word == fault.name or word in fault.file for word in given.fault)]
+    faults = chosen(given.part)
     if given.list:
         print("\n".join(f"{fault.name} ({fault.file}): {fault.breaks}" for fault in faults))
         return 0

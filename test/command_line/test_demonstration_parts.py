@@ -77,7 +77,7 @@ def test_joints_may_come_in_parts_in_any_order_twice_and_backwards_in_time() -> 
     measured = [(0, JointMeasurement(t * S + 1, names, np.array(values))) for names, values, t in published]
     joints = joints_on_grid(grid + 1, measured, ("a", "b"), KEPT, 1.5)
     np.testing.assert_allclose(joints, np.outer(range(5), [1, 10]), atol=1e-12)
-    with pytest.raises(SetupError, match=r"joint c: is in no message; there are a, b, x; give the names"):
+    with pytest.raises(SetupError, match=r"joint c: has a position in no message; there are a, b, x; give the names"):
         joints_on_grid(grid, measured, ("a", "c"), KEPT, 1.5)
 
 

@@ -249,7 +249,7 @@ def _short(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (("--topic", "/label"), "", "is of std_msgs/msg/String, not geometry_msgs/msg/PoseArray; name one of /people"),
         (("--label", "a"), '[labels]\none = ["a", "b", "c"]', "has 3 labels for 2 movements; look at its picture"),
         (("--label", "a"), "[labels]\none = 3", "key 'labels', 'one': is 3; give a text, a list"),
-        (("--robot", "pepper"), "", "joint RShoulderPitch: is in no message; there are yumi_joint_1_r"),
+        (("--robot", "pepper"), "", "joint RShoulderPitch: has a position in no message; there are yumi_joint_1_r"),
         (("--label", "handshake"), 'interactions = ["wave"]', "2 left out: 2 another interaction 'handshake'"),
         (("--label", "a"), 'touching = ["b"]', "no trial of ['b']"),
         (("--config", "none.toml"), "", "none.toml: there is no such file"),

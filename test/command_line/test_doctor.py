@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import time
@@ -17,7 +18,9 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from sensor_msgs.msg import JointState
 
-from mild_ros import doctor, local_dds
+from mild_core import resources
+from mild_core.resources import share_folder
+from mild_ros import doctor, libraries, local_dds
 from mild_ros.dds_variables import VARIABLES
 from test.ros.processes import Probe
 
@@ -58,15 +61,33 @@ def test_a_log_folder_that_cannot_be_made_is_unwell(monkeypatch: pytest.MonkeyPa
     assert not doctor.log_folder().well
 
 
-def test_a_changed_model_is_unwell(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    healthy = doctor.model_folder(doctor.model_names()[0])
-    for path in healthy.iterdir():
-        (tmp_path / path.name).write_bytes(path.read_bytes())
-    weights = bytearray((tmp_path / "weights.safetensors").read_bytes())
-    weights[-1] ^= 1
-    (tmp_path / "weights.safetensors").write_bytes(weights)
-    monkeypatch.setattr(doctor, "model_folder", lambda name: tmp_path)
+def test_a_model_that_was_changed_or_lost_is_unwell(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    default = "yumi_buetepage_ahead"
+    shutil.copytree(share_folder("models") / default, tmp_path / default)
+    monkeypatch.setattr(resources, "share_folder", lambda kind: tmp_path)
+    monkeypatch.setattr(doctor, "share_folder", lambda kind: tmp_path)
+    assert doctor.models().well
+    weights = tmp_path / default / "weights.safetensors"
+    weights.write_bytes(weights.read_bytes()[:-1] + b"?")
+    assert "it was altered" in doctor.models().seen
+    (tmp_path / default / "manifest.json").unlink()
+    assert doctor.models().seen == f"{tmp_path / default}: holds no model"
+    shutil.rmtree(tmp_path / default)  # nodes take it where no other is named
     assert not doctor.models().well
+
+
+def test_a_library_that_is_broken_is_named_and_one_of_ours_is_no_library(monkeypatch: pytest.MonkeyPatch) -> None:
+    broken = ImportError("cannot import name '_dispatcher'\nmore of it", name="numba._dispatcher")
+    assert str(libraries.unusable(broken)).startswith("library numba: cannot be imported (cannot import name '_disp")
+    assert "[learning]" in str(libraries.unusable(ModuleNotFoundError("No module named 'torch'", name="torch")))
+    with pytest.raises(ImportError):
+        libraries.unusable(ImportError("of ours", name="mild_core.shapes"))
+    libraries.check_needed()
+    monkeypatch.setattr(libraries, "NEEDED", (*libraries.NEEDED, "no_such_library"))
+    with pytest.raises(ModuleNotFoundError, match="no_such_library"):
+        libraries.check_needed()
+    monkeypatch.setattr(doctor, "NEEDED", libraries.NEEDED)
+    assert "missing: no_such_library" in doctor.libraries().seen
 
 
 def test_running_nodes_are_reported_by_their_diagnostics(ros_domain: int) -> None:

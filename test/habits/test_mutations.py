@@ -11,7 +11,7 @@ import pytest
 
 from mild_core.errors import SetupError
 from test.bench import mutations
-from test.bench.mutations import Copy, Outcome, Results, key, noticed_by, remember, report, run
+from test.bench.mutations import Copy, Outcome, Results, chosen, key, noticed_by, remember, report, run
 from test.bench.warm_tests import importers
 from test.habits.tree import ROOT, functions, parse, plant
 from test.mutations import FAULTS
@@ -172,3 +172,14 @@ def test_a_broken_outcome_is_none(tmp_path: Path) -> None:
 def test_two_at_once_do_not_share_their_copies(tmp_path: Path) -> None:
     with mutations.alone(tmp_path), pytest.raises(SetupError, match="another one runs"), mutations.alone(tmp_path):
         pass
+
+
+def test_parts_are_areas_files_or_faults_and_an_unknown_one_is_refused_in_one_line() -> None:
+    assert chosen(()) == list(FAULTS)
+    assert chosen(("shell",)) == list(mutations.AREAS["shell"])
+    assert {fault.file for fault in chosen(("mild_ros/bag_types",))} == {"mild_ros/bag_types.py"}
+    assert chosen((FAULTS[0].name,)) == [FAULTS[0]]
+    with pytest.raises(SetupError, match=r"'shel'.*did you mean 'shell'.*perception, inference") as refused:
+        chosen(("shel",))
+    assert "\n" not in str(refused.value)
+    assert len(str(refused.value)) < 300  # not all names of hundreds of faults

@@ -10,12 +10,10 @@ from __future__ import annotations
 from test.mutations import doubts, inference, learning, people, perception, retargeting, shell
 from test.mutations.fault import Fault
 
-FAULTS: tuple[Fault, ...] = (
-    *perception.FAULTS,
-    *inference.FAULTS,
-    *learning.FAULTS,
-    *retargeting.FAULTS,
-    *people.FAULTS,
-    *doubts.FAULTS,
-    *shell.FAULTS,
-)
+AREAS: dict[str, tuple[Fault, ...]] = {
+    module.__name__.rpartition(".")[2]: module.FAULTS
+    for module in (perception, inference, learning, retargeting, people, doubts, shell)
+}
+"""Faults by the file of this package that lists them."""
+
+FAULTS: tuple[Fault, ...] = tuple(fault for faults in AREAS.values() for fault in faults)

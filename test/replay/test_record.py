@@ -15,14 +15,17 @@ from typing import Any
 import numpy as np
 import pytest
 import rclpy
+from builtin_interfaces.msg import Time
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
-from std_msgs.msg import String
+from std_msgs.msg import Header, String
 
 from mild_core.errors import BagError
 from mild_ros.bags import open_bag
+from mild_ros.quality_of_service import HANDLED
 from mild_ros.record_node import OVERLAP_S, OnceEach
 from test.replay.processes import node, wait_until
 from test.ros.processes import Probe
@@ -132,6 +135,35 @@ def test_what_is_published_is_recorded(sender: Node, tmp_path: Path) -> None:
     assert f"{501 + warm_ups} messages" in output
     sender.destroy_publisher(fast)
     sender.destroy_publisher(latched)
+
+
+def test_what_a_replay_waits_for_is_recorded_though_it_overtakes_the_first_clock(sender: Node, tmp_path: Path) -> None:
+    handled, clock = sender.create_publisher(Header, "handled", HANDLED), sender.create_publisher(Clock, "clock", 10)
+    repeated: list[str] = []
+    listener = sender.create_subscription(Header, "recorded", lambda header: repeated.append(header.frame_id), HANDLED)
+    given = {"bag": tmp_path / "bag", "topics": "[handled]", "report_recorded": True, "use_sim_time": True}
+    with node("record", given) as process:
+        wait_until(lambda: handled.get_subscription_count() == 1, "the recorder")
+        wait_until(lambda: sender.count_publishers("recorded") == 1, "its answers")
+        handled.publish(Header(frame_id="pipeline 0 from before the replay"))
+        handled.publish(Header(frame_id="pipeline 0 tick", stamp=Time(sec=1700)))
+        assert process.stderr is not None
+        assert any("first message on /handled" in line for line in process.stderr), "it came before the clock"
+
+        def answered() -> bool:
+            clock.publish(Clock(clock=Time(sec=1700)))
+            rclpy.spin_once(sender, timeout_sec=0.05)
+            return bool(repeated)
+
+        wait_until(answered, "the answer to the tick")
+        output = stop(process)
+    assert repeated == ["pipeline 0 tick"]
+    with open_bag(tmp_path / "bag") as bag:
+        assert [raw.time_ns for raw in bag.messages(["/handled"])] == [1700 * 10**9]
+    assert "1 from before the first /clock" in output
+    for publisher in (handled, clock):
+        sender.destroy_publisher(publisher)
+    sender.destroy_subscription(listener)
 
 
 def newest(path: Path) -> int:

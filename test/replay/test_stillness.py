@@ -6,7 +6,9 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -23,11 +25,13 @@ from mild_ros.encoding import encode
 from mild_ros.messages.handled import Handled
 from mild_ros.messages.standard import Marker, MarkerArray
 from mild_ros.report import make_report
+from mild_ros.settings import PipelineParameters
 from mild_ros.stillness import counts_of, has_moved, why_still
 from mild_ros.viewing.recorded import JointTrack, RecordedRun, read_run
 from test.replay.made_model import save_random_model
 from test.replay.test_inputs import HAND, START_NS, Transforms, tracked, transform
 
+AUTO = PipelineParameters()
 AZURE, NUITRACK = SOURCES["azure_kinect"], SOURCES["nuitrack"]
 MARKERS = "visualization_msgs/msg/MarkerArray"
 
@@ -78,7 +82,7 @@ def test_a_robot_that_trembles_at_home_has_not_moved() -> None:
 def test_the_stage_at_which_the_person_was_lost_is_named(
     tmp_path: Path, counts: dict[str, dict[str, int]], words: str
 ) -> None:
-    why, remedy = why_still(run(tracked(tmp_path / "bag", in_time)), AZURE, counts, "the detail")
+    why, remedy = why_still(run(tracked(tmp_path / "bag", in_time)), AZURE, counts, AUTO, "the detail")
     assert words in why
     assert remedy
 
@@ -96,9 +100,15 @@ def test_a_person_who_rests_is_no_fault_of_the_source(tmp_path: Path) -> None:
         "retargeting": {"accepted": 390},
     }
     bag = tracked(tmp_path / "bag", in_time)
-    assert "rested all the time" in why_still(run(bag, commands=commanded(0.1, 0.1)), AZURE, counts)[0]
+    still = run(bag, commands=commanded(0.1, 0.1))
+    assert "the right hand rested all the time" in why_still(still, AZURE, counts, AUTO)[0]
     counts["retargeting"] = {"accepted": 200, "unknown": 190}
-    assert "none of the model's" in why_still(run(bag, commands=commanded(0.1, 0.1)), AZURE, counts)[0]
+    assert "rested" in why_still(still, AZURE, counts, AUTO)[0], "a hand at rest is of no interaction either"
+    named = replace(AUTO, interaction="handshake", side="left")
+    assert why_still(still, AZURE, counts, named)[1] == "is it the left hand that moves? plots.png shows it"
+    performing = run(bag, commands=commanded(0.1, 0.1), motions=(SimpleNamespace(state="none"),))
+    assert "none of the model's" in why_still(performing, AZURE, counts, AUTO)[0]
+    assert why_still(run(bag), AZURE, counts, replace(AUTO, enabled=False))[0] == "it was not enabled"
 
 
 def write_markers(bag: Path, *ids: int) -> Path:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import logging
+import re
 import tempfile
 from pathlib import Path
 from xml.etree import ElementTree
@@ -61,6 +62,14 @@ def parts(robot: RobotModel, link: str, tag: str) -> list[str]:
     """What a link is made of."""
     found = ElementTree.parse(robot.urdf_path).getroot().findall(f"link[@name='{link}']/{tag}/geometry/*")
     return [part.get("filename", part.tag) for part in found]
+
+
+def test_meshes_that_are_missing_by_their_files_names_are_named(theirs: Path, caplog: pytest.LogCaptureFixture) -> None:
+    theirs.write_text(theirs.read_text().replace(PACKAGE, "file:///opt/vendor/meshes"))
+    with caplog.at_level(logging.WARNING):
+        make_robot("yumi", str(theirs))
+    assert re.search(r" meshes of files such as file:///opt/vendor/meshes/\S+\.stl are not here: ", caplog.text)
+    assert "; put them there, or name them by package://" in caplog.text
 
 
 def test_what_is_missing_is_ours_and_said_in_one_line(theirs: Path, caplog: pytest.LogCaptureFixture) -> None:

@@ -92,9 +92,12 @@ def test_a_robot_that_says_nothing_of_its_arm_takes_no_partner() -> None:
         LinkFollower(YUMI)
 
 
-def test_a_shoulder_that_moves_is_refused() -> None:
-    with pytest.raises(SetupError, match="moves with the arm"):
+def test_a_shoulder_that_moves_is_refused_and_the_link_that_the_remedy_names_is_none_such() -> None:
+    with pytest.raises(SetupError, match="moves with the arm; name a link about whose origin the arm turns: ") as error:
         LinkFollower(replace(YUMI, arm_links=("yumi_link_4_r", "yumi_link_6_r")))
+    named = str(error.value).rpartition(": ")[2].strip("'")
+    assert named == "yumi_link_1_r"
+    LinkFollower(replace(YUMI, arm_links=(named, "yumi_link_6_r")))
 
 
 @pytest.mark.parametrize("follower", [PEPPER.arm, LinkFollower(YUMI_ARM)], ids=["closed form", "links"])

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from pathlib import Path
 
@@ -67,7 +68,15 @@ def test_links_and_shapes_are_checked(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"expected \(\.\.\., 7\)"):
         forward_kinematics(YUMI, YUMI.home_rad[:6], "tool_r")
     with pytest.raises(SetupError, match="does not carry"):
-        read_tree(_written(tmp_path, ARM)).pose("tip", {}, base="thumb")
+        read_tree(_written(tmp_path, ARM)).chain("tip", base="thumb")
+
+
+def test_a_link_is_placed_in_the_frame_of_one_that_does_not_carry_it(tmp_path: Path) -> None:
+    """As what an arm is mounted on, where the arm's own base is the robot's."""
+    tree, positions = read_tree(_written(tmp_path, ARM)), {"shoulder": 0.3, "slide": -0.4}
+    for link, base in itertools.product(tree.links, tree.links):
+        found = tree.pose(base, positions) @ tree.pose(link, positions, base)
+        np.testing.assert_allclose(found, tree.pose(link, positions), atol=1e-12)
 
 
 BOMB = '<!DOCTYPE r [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;">]>' + ARM.split("?>")[1]
