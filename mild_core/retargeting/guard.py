@@ -104,20 +104,22 @@ class Guard:
     Attributes:
         robot: Whose motions.
         settings: How far and how fast.
+        chain: Its arm ...
+        capsules: ... and its shape.
         reach_m: No point of the arm is ever further than this from its first joint.
     """
 
     robot: RobotModel
     settings: RetargetingSettings
     chain: Chain = field(init=False, repr=False)
-    _capsules: Capsules = field(init=False, repr=False)
+    capsules: Capsules = field(init=False, repr=False)
     reach_m: float = field(init=False, repr=False)
     _jerk_m_s3: float = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         chain, capsules = chain_of(self.robot), capsules_of(self.robot)
         object.__setattr__(self, "chain", chain)
-        object.__setattr__(self, "_capsules", capsules)
+        object.__setattr__(self, "capsules", capsules)
         reaches_m, turns = reaches(self.robot), np.linalg.norm(chain.axes, axis=1)
         object.__setattr__(self, "reach_m", float(reaches_m.max()))
         jerk_rad_s3 = turns * self.robot.jerk_rad_s3[chain.columns.astype(int)]
@@ -145,7 +147,7 @@ class Guard:
             beyond_m: Rates are computed this far outside of the zones in which speed is limited, distances twice as
                 far.
         """
-        chain, capsules = self.chain, self._capsules
+        chain, capsules = self.chain, self.capsules
         widest_m = float(among.zones_m.max(initial=0.0))
         own, *others = evaluate_poses(
             *(times_s, positions_rad, velocities_rad_s, chain.columns, chain.offsets, chain.axes),
@@ -306,7 +308,7 @@ class Guard:
 
     def rows_away(self, position_rad: FloatArray, among: Obstacles, far_m: float) -> tuple[FloatArray, ...]:
         """What moves the arm away from people; see `nearest_rows`."""
-        chain, capsules = self.chain, self._capsules
+        chain, capsules = self.chain, self.capsules
         return nearest_rows(
             *(position_rad, chain.columns, chain.offsets, chain.axes),
             *(capsules.mounted, capsules.ends_m, capsules.outer_m, capsules.moving),

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any
@@ -236,6 +237,38 @@ def test_the_arm_gives_way_to_a_head_that_comes_and_goes_home_afterwards(mode: s
     check_limits(YUMI, run.commands)
     run.live(8.0, REST_M)
     assert np.abs(run.last.positions_rad - YUMI.home_rad).max() < 1e-6, run.last.mode
+
+
+def walker(x_m: float, from_y_m: float, speed_m_s: float) -> Callable[[float], BodySegments]:
+    """Head and trunk of a bystander who walks along the front of the robot."""
+    way = np.array([0.0, -math.copysign(speed_m_s, from_y_m), 0.0])
+
+    def at(time_s: float) -> BodySegments:
+        place = np.array([x_m, from_y_m, 0.0]) + time_s * way
+        ends = np.array([[place - 0.2 * UP, place + 0.45 * UP], [place + 0.6 * UP, place + 0.7 * UP]])
+        return BodySegments((3, 3), ("trunk", "head"), ends, np.tile(way, (2, 2, 1)), np.array([0.17, 0.12]))
+
+    return at
+
+
+@pytest.mark.parametrize("speed_m_s", [0.3, 0.6])
+@pytest.mark.parametrize("from_y_m", [-1.3, 1.3])
+def test_the_arm_is_not_caught_between_a_greeting_and_who_walks_through_it(from_y_m: float, speed_m_s: float) -> None:
+    run, way = Around(), walker(0.5, from_y_m, speed_m_s)
+    run.live(0.5)
+    run.live(1.5, MET_M, AWAY)
+    assert run.last.mode == "following"
+    moving = len(run.commands)
+    run.live(2.6 / speed_m_s, MET_M, AWAY, way)
+    for segment, radius_m in enumerate((0.17, 0.12)):
+        along = [
+            run.clear_m(way(0.01 * tick).ends_m[segment], radius_m, since=moving + tick)[0]
+            for tick in range(0, len(run.commands) - moving, 3)
+        ]
+        assert min(along) > 0.02
+    check_limits(YUMI, run.commands)
+    run.live(1.0, MET_M, AWAY)
+    assert np.linalg.norm(chain_of(YUMI).tool(run.last.positions_rad) - HOME_M) > 0.2, "the greeting goes on"
 
 
 def test_an_operators_hold_stands_still_for_every_person() -> None:
