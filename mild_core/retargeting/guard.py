@@ -43,6 +43,9 @@ ROUNDING = 1e-6
 TOO_FAST = "refused_speed"
 """Counted when a motion is too fast near a person."""
 
+MOVES_M_S, UNSURE_M_S = 0.1, 0.1
+"""What moves faster than the first may come faster by the second than a tracker can have seen yet [m/s]."""
+
 HURRIED_M = 0.2
 """As far outside of where the speed is limited a robot that is late may begin to catch up faster."""
 
@@ -237,7 +240,9 @@ class Guard:
     ) -> FloatArray:
         seen = self.evaluate_poses(times_s, positions_rad, velocities_rad_s, among, beyond_m, around=not giving_way)
         limits = self.settings.near_speed_m_s, self._jerk_m_s3, LEAST_M_S if giving_way else 0.0
-        return path_bounds(times_s, *seen, among.speeds_m_s, among.zones_m, *limits)
+        # Where hands are to touch this would cost more of their meeting than it is worth.
+        unsure = np.where((among.speeds_m_s > MOVES_M_S) & (among.keep_m > -math.inf), UNSURE_M_S, 0.0)
+        return path_bounds(times_s, *seen, among.speeds_m_s, among.zones_m, *limits, unsure)
 
     def push_out(self, point_m: FloatArray, among: Obstacles) -> tuple[FloatArray, int]:
         """(3,) the point, or the nearest one at which the robot's hand keeps out of what must not be touched.

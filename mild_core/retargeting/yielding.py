@@ -56,16 +56,17 @@ class Yielding:
         robot: Whose arm.
         settings: What is kept, and how fast it may be near people.
         guard: Which knows its shape.
+        evasion: Which knows where to go from who walks.
     """
 
     robot: RobotModel
     settings: RetargetingSettings
     guard: Guard
-    _evasion: Evasion = field(init=False, repr=False)
+    evasion: Evasion = field(init=False, repr=False)
     _program: VelocityProgram = field(default_factory=VelocityProgram, init=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "_evasion", Evasion(self.robot, self.settings, self.guard))
+        object.__setattr__(self, "evasion", Evasion(self.robot, self.settings, self.guard))
 
     def retreat(
         self,
@@ -88,9 +89,9 @@ class Yielding:
             before: Where the arm gave way to at the command before.
             meets_watched: Whether it is on its way to meet the watched person.
         """
-        at, walking = np.array(position_rad), self._evasion.walking(among)
+        at, walking = np.array(position_rad), self.evasion.walking(among)
         pressed = self._is_pressed(here, among)
-        threatened = walking is not None and self._evasion.threatens(at, np.array(goal_rad), walking, meets_watched)
+        threatened = walking is not None and self.evasion.threatens(at, np.array(goal_rad), walking, meets_watched)
         if not (pressed or threatened):
             return None, None
         rows, clear, coming, which = self.guard.rows_away(at, among, self._widest(among) + HEEDED_M)
@@ -102,7 +103,7 @@ class Yielding:
             return None, None
         refuge, wanted = None, np.zeros(len(at))
         if walking is not None:
-            refuge = self._evasion.refuge(at, walking, before)
+            refuge = self.evasion.refuge(at, walking, before)
             wanted = self._towards(at, np.array(refuge.posture_rad))
         resting, robot = np.array(resting_rad), self.robot
         margin = self.settings.position_margin_rad
@@ -118,7 +119,7 @@ class Yielding:
     def _towards(self, at_rad: FloatArray, refuge_rad: FloatArray) -> FloatArray:
         """(J,) velocities [rad/s] of the way to a refuge, slower as it ends."""
         way: FloatArray = refuge_rad - at_rad
-        return way / max(self._evasion.duration_s(at_rad, refuge_rad), ARRIVING_S)
+        return way / max(self.evasion.duration_s(at_rad, refuge_rad), ARRIVING_S)
 
     def _is_pressed(self, here: PoseEvaluation, among: Obstacles) -> bool:
         """Whether a person is so close, or comes so fast, that the arm may have to give way."""
