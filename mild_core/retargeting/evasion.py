@@ -66,6 +66,10 @@ OWN_BODY = ("head", "trunk")
 """These parts are expected where they go themselves; the others, which swing, where the trunk goes."""
 
 
+Segments = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+"""Of S segments: ends and their velocities (S, 2, 3), radii (S,), distances that are kept (S,)."""
+
+
 class Refuge(NamedTuple):
     """Where the arm is out of the way.
 
@@ -195,7 +199,7 @@ class Evasion:
         return self._rollout(from_rad, to_rad, _segments(NO_ONE), AHEAD_S)[1]
 
     def _rollout(
-        self, from_rad: FloatArray, to_rad: FloatArray, segments: tuple[FloatArray, ...], ahead_s: float
+        self, from_rad: FloatArray, to_rad: FloatArray, segments: Segments, ahead_s: float
     ) -> tuple[float, float]:
         chain, capsules = self.guard.chain, self.guard.capsules
         in_the_way, lasts_s = rollout(
@@ -207,7 +211,7 @@ class Evasion:
         return float(in_the_way), float(lasts_s)
 
 
-def _segments(among: Obstacles) -> tuple[FloatArray, ...]:
+def _segments(among: Obstacles) -> Segments:
     return among.ends_m, among.velocities_m_s, among.radii_m, among.keep_m
 
 
