@@ -323,7 +323,7 @@ FAULTS = (
         "no looking ahead for who walks",
         "Way is made only at the last moment.",
         f"{HERE}/yielding.py",
-        "if not (pressed or threatened):",
+        "if not (pressed or self._is_threatened(at, goal_rad, walking, meets_watched)):",
         "if not pressed:",
         YIELDING,
     ),
