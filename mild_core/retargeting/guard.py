@@ -43,7 +43,7 @@ ROUNDING = 1e-6
 TOO_FAST = "refused_speed"
 """Counted when a motion is too fast near a person."""
 
-MOVES_M_S, UNSURE_M_S = 0.1, 0.1
+MOVES_M_S, UNSURE_M_S = 0.3, 0.1
 """What moves faster than the first may come faster by the second than a tracker can have seen yet [m/s]."""
 
 HURRIED_M = 0.2

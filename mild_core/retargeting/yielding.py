@@ -91,7 +91,15 @@ class Yielding:
         """
         at, walking = np.array(position_rad), self.evasion.walking(among)
         pressed = self._is_pressed(here, among)
-        if not (pressed or self._is_threatened(at, goal_rad, walking, meets_watched)):
+        # Who is met comes close: for them no more way is made than it takes.
+        unsure = meets_watched or not pressed
+        if (
+            walking is not None
+            and unsure
+            and not self.evasion.threatens(at, np.array(goal_rad), walking, meets_watched)
+        ):
+            walking = None
+        if walking is None and not pressed:
             return None, None
         rows, clear, coming, which = self.guard.rows_away(at, among, self._widest(among) + HEEDED_M)
         places = which.astype(int)
@@ -114,11 +122,6 @@ class Yielding:
         most = PACE * self.settings.near_speed_m_s
         share = min(1.0, most / max(self.guard.arm_speed(at, velocity, among), 1e-9))
         return tuple((share * velocity).tolist()), refuge
-
-    def _is_threatened(
-        self, at_rad: FloatArray, goal_rad: Joints, walking: Obstacles | None, meets_watched: bool
-    ) -> bool:
-        return walking is not None and self.evasion.threatens(at_rad, np.array(goal_rad), walking, meets_watched)
 
     def _towards(self, at_rad: FloatArray, refuge_rad: FloatArray) -> FloatArray:
         """(J,) velocities [rad/s] of the way to a refuge, slower as it ends."""

@@ -323,7 +323,7 @@ FAULTS = (
         "no looking ahead for who walks",
         "Way is made only at the last moment.",
         f"{HERE}/yielding.py",
-        "if not (pressed or self._is_threatened(at, goal_rad, walking, meets_watched)):",
+        "if walking is None and not pressed:",
         "if not pressed:",
         YIELDING,
     ),
@@ -333,6 +333,14 @@ FAULTS = (
         f"{HERE}/yielding.py",
         "wanted = self._towards(at, np.array(refuge.posture_rad))",
         "wanted = 0.0 * self._towards(at, np.array(refuge.posture_rad))",
+        YIELDING,
+    ),
+    Fault(
+        "withdrawing from a hand that is met",
+        "The arm flees from the person whom it meets, instead of making as little way as it takes.",
+        f"{HERE}/yielding.py",
+        "unsure = meets_watched or not pressed",
+        "unsure = not pressed",
         YIELDING,
     ),
     Fault(

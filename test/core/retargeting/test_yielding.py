@@ -125,6 +125,13 @@ def test_way_is_made_in_time_for_everyone_but_for_who_is_to_be_met() -> None:
     assert not made_way(watched_far, False)
     assert made_way(watched_near, False)
     assert not made_way(watched_near, True)
+    # Closer by, way is made for them too: no more than it takes.
+    close = passing(0, far_m=0.35)
+    here = GUARD.here(JointMotion.at_rest(HOME), close)
+    met, flees = (YIELDING.retreat(HOME, HOME, HOME, here, close, None, meets_watched=meets) for meets in (True, False))
+    assert met[0] is not None
+    assert met[1] is None
+    assert flees[1] is not None
 
 
 def test_the_way_is_made_for_where_a_bystander_is_going_and_not_for_a_swinging_arm() -> None:
