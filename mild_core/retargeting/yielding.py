@@ -89,15 +89,11 @@ class Yielding:
             before: Where the arm gave way to at the command before.
             meets_watched: Whether it is on its way to meet the watched person.
         """
-        at, walking = np.array(position_rad), self.evasion.walking(among)
+        at, goal, walking = np.array(position_rad), np.array(goal_rad), self.evasion.walking(among)
         pressed = self._is_pressed(here, among)
         # Who is met comes close: for them no more way is made than it takes.
         unsure = meets_watched or not pressed
-        if (
-            walking is not None
-            and unsure
-            and not self.evasion.threatens(at, np.array(goal_rad), walking, meets_watched)
-        ):
+        if walking is not None and unsure and not self.evasion.threatens(at, goal, walking, meets_watched):
             walking = None
         if walking is None and not pressed:
             return None, None
