@@ -286,6 +286,7 @@ def path_bounds(
     near_speed_m_s: float,
     jerk_m_s3: float,
     least_m_s: float,
+    unsure_m_s: FloatArray,
 ) -> FloatArray:
     """(K - 1, 1 + 4 S) of a path, for each time between two of K looks: what holds during all of it.
 
@@ -304,6 +305,7 @@ def path_bounds(
         near_speed_m_s: ... to this, and towards a segment to this less its own approach.
         jerk_m_s3: Greatest jerk of a point of the arm.
         least_m_s: A slower motion towards a segment is none.
+        unsure_m_s: (S,) how much faster each segment may come than it is seen to.
 
     Returns:
         Clearance to itself [m]; then of each segment the least clearance [m], that at the looks [m], by how much the
@@ -322,6 +324,7 @@ def path_bounds(
             bounds[look, place], bounds[look, place + 1] = nearest, min(a, b)
             if nearest < zones_m[other]:
                 coming = max(approach[look, other], approach[look + 1, other])
+                coming += unsure_m_s[other]
                 to = max(toward[look, other], toward[look + 1, other])
                 bounds[look, place + 2] = max(0.0, fastest - near_speed_m_s)
                 bounds[look, place + 3] = max(0.0, to - max(0.0, near_speed_m_s - coming) - least_m_s)

@@ -43,6 +43,9 @@ ROUNDING = 1e-6
 TOO_FAST = "refused_speed"
 """Counted when a motion is too fast near a person."""
 
+MOVES_M_S, UNSURE_M_S = 0.3, 0.1
+"""What moves faster than the first may come faster by the second than a tracker can have seen yet [m/s]."""
+
 HURRIED_M = 0.2
 """As far outside of where the speed is limited a robot that is late may begin to catch up faster."""
 
@@ -104,20 +107,22 @@ class Guard:
     Attributes:
         robot: Whose motions.
         settings: How far and how fast.
+        chain: Its arm ...
+        capsules: ... and its shape.
         reach_m: No point of the arm is ever further than this from its first joint.
     """
 
     robot: RobotModel
     settings: RetargetingSettings
     chain: Chain = field(init=False, repr=False)
-    _capsules: Capsules = field(init=False, repr=False)
+    capsules: Capsules = field(init=False, repr=False)
     reach_m: float = field(init=False, repr=False)
     _jerk_m_s3: float = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         chain, capsules = chain_of(self.robot), capsules_of(self.robot)
         object.__setattr__(self, "chain", chain)
-        object.__setattr__(self, "_capsules", capsules)
+        object.__setattr__(self, "capsules", capsules)
         reaches_m, turns = reaches(self.robot), np.linalg.norm(chain.axes, axis=1)
         object.__setattr__(self, "reach_m", float(reaches_m.max()))
         jerk_rad_s3 = turns * self.robot.jerk_rad_s3[chain.columns.astype(int)]
@@ -145,7 +150,7 @@ class Guard:
             beyond_m: Rates are computed this far outside of the zones in which speed is limited, distances twice as
                 far.
         """
-        chain, capsules = self.chain, self._capsules
+        chain, capsules = self.chain, self.capsules
         widest_m = float(among.zones_m.max(initial=0.0))
         own, *others = evaluate_poses(
             *(times_s, positions_rad, velocities_rad_s, chain.columns, chain.offsets, chain.axes),
@@ -235,7 +240,9 @@ class Guard:
     ) -> FloatArray:
         seen = self.evaluate_poses(times_s, positions_rad, velocities_rad_s, among, beyond_m, around=not giving_way)
         limits = self.settings.near_speed_m_s, self._jerk_m_s3, LEAST_M_S if giving_way else 0.0
-        return path_bounds(times_s, *seen, among.speeds_m_s, among.zones_m, *limits)
+        # Where hands are to touch this would cost more of their meeting than it is worth.
+        unsure = np.where((among.speeds_m_s > MOVES_M_S) & (among.keep_m > -math.inf), UNSURE_M_S, 0.0)
+        return path_bounds(times_s, *seen, among.speeds_m_s, among.zones_m, *limits, unsure)
 
     def push_out(self, point_m: FloatArray, among: Obstacles) -> tuple[FloatArray, int]:
         """(3,) the point, or the nearest one at which the robot's hand keeps out of what must not be touched.
@@ -306,7 +313,7 @@ class Guard:
 
     def rows_away(self, position_rad: FloatArray, among: Obstacles, far_m: float) -> tuple[FloatArray, ...]:
         """What moves the arm away from people; see `nearest_rows`."""
-        chain, capsules = self.chain, self._capsules
+        chain, capsules = self.chain, self.capsules
         return nearest_rows(
             *(position_rad, chain.columns, chain.offsets, chain.axes),
             *(capsules.mounted, capsules.ends_m, capsules.outer_m, capsules.moving),

@@ -133,7 +133,7 @@ SOLVED_SOFTLY = 2
 
 
 class VelocityProgram:
-    """The smallest velocities of joints with which some places move as they must.
+    """The velocities of joints nearest to wanted ones with which some places move as they must.
 
     Raises:
         SetupError: A library is not installed.
@@ -147,7 +147,12 @@ class VelocityProgram:
         self._solve = daqp.solve
 
     def solve(
-        self, rows: FloatArray, least: FloatArray, lower_rad_s: FloatArray, upper_rad_s: FloatArray
+        self,
+        rows: FloatArray,
+        least: FloatArray,
+        lower_rad_s: FloatArray,
+        upper_rad_s: FloatArray,
+        wanted_rad_s: FloatArray,
     ) -> FloatArray | None:
         """(J,) velocities [rad/s] between the bounds; None if there is no solution.
 
@@ -156,11 +161,12 @@ class VelocityProgram:
             least: (R,) how fast each has to move at least [m/s]; as nearly so as the bounds let it.
             lower_rad_s: (J,) least velocities ...
             upper_rad_s: (J,) ... and greatest.
+            wanted_rad_s: (J,) what they would be if no place had to move.
         """
         joints, count = len(lower_rad_s), len(least)
         velocity, _, found, _ = self._solve(
             np.eye(joints),
-            np.zeros(joints),
+            -wanted_rad_s,
             np.ascontiguousarray(rows),
             np.concatenate([upper_rad_s, np.full(count, 1e30)]),
             np.concatenate([lower_rad_s, least]),

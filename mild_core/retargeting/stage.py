@@ -283,11 +283,15 @@ class Retargeting:
         if self._touches(state):
             among = among.touchable()
         if state.mode in (Mode.DISABLED, Mode.HELD):
-            return replace(state, yielding=False), self._limiter.stop(motion, elapsed_s)
-        retreat = None
+            return replace(state, yielding=False, refuge=None), self._limiter.stop(motion, elapsed_s)
+        retreat, refuge = None, None
         if not (state.displaced or state.silent):
             resting = self._limiter.resting_place(motion)
-            retreat = self._yielding.retreat(motion.position_rad, resting, here, among)
+            goal = self._goal(state, resting)
+            given = (motion.position_rad, resting, goal, here, among, state.refuge, state.mode is Mode.FOLLOWING)
+            retreat, refuge = self._yielding.retreat(*given)
+        if refuge != state.refuge:
+            state = replace(state, refuge=refuge)
         if (retreat is not None) != state.yielding:
             state = replace(state, yielding=retreat is not None, gave_way=True)
             state = state.counted("yielded") if state.yielding else state
@@ -318,6 +322,13 @@ class Retargeting:
             pursuit = state.pursuit.held(self._limiter.resting_place(taken), free) if goes else None
             state = replace(state, pursuit=pursuit)
         return state.counted(refusal) if refusal else state, taken
+
+    def _goal(self, state: RetargetingState, resting_rad: Joints) -> Joints:
+        """Where the joints are on their way to."""
+        if state.mode is Mode.FOLLOWING and state.pursuit is not None:
+            pursuit = state.pursuit
+            return self._inside(np.array(pursuit.target_rad) - np.array(pursuit.behind_rad))
+        return self._home if state.mode is Mode.RETURNING else resting_rad
 
     def _touches(self, state: RetargetingState) -> bool:
         """Whether the watched hand may be touched now: it is offered, or hands are together and it is not withdrawn."""

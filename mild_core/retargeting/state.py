@@ -10,6 +10,7 @@ from typing import Literal
 
 from mild_core.joint_measurements import JointTracks
 from mild_core.retargeting.contact import ContactState
+from mild_core.retargeting.evasion import Refuge
 from mild_core.retargeting.human_track import HumanTrack, Point, seen_again
 from mild_core.retargeting.limiter import JointMotion, Joints
 from mild_core.retargeting.modes import Mode
@@ -73,6 +74,7 @@ class RetargetingState:
         crowded: Whether a bystander is within the arm's reach, or near it.
         paused_ns: When a bystander last held the arm back; None if never.
         yielding: Whether the arm gives way to a person ...
+        refuge: ... and where to, if one walks ...
         gave_way: ... or has done so and is not at home since.
         counts: Events by reason since the start.
         outcome: What became of the newest input: a key of `counts`.
@@ -113,6 +115,7 @@ class RetargetingState:
     crowded: bool = False
     paused_ns: int | None = None
     yielding: bool = False
+    refuge: Refuge | None = None
     gave_way: bool = False
     counts: Mapping[str, int] = field(default_factory=dict)
     outcome: str = ""

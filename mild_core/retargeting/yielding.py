@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from mild_core.retargeting.evasion import Evasion, Refuge
 from mild_core.retargeting.guard import PACE, Guard, PoseEvaluation
 from mild_core.retargeting.inverse_kinematics import VelocityProgram
 from mild_core.retargeting.limiter import Joints
@@ -40,6 +41,9 @@ HEEDED_M = 0.4
 LEAST_LEVER_M = 0.08
 """A place that joints move by less per radian is not moved: the rest of the arm would swing for it."""
 
+ARRIVING_S = 0.2
+"""The end of the way to a refuge takes at least so long."""
+
 AT_LIMIT_S = 0.25
 """A joint may move so fast that it would need this long to its limit."""
 
@@ -52,43 +56,73 @@ class Yielding:
         robot: Whose arm.
         settings: What is kept, and how fast it may be near people.
         guard: Which knows its shape.
+        evasion: Which knows where to go from who walks.
     """
 
     robot: RobotModel
     settings: RetargetingSettings
     guard: Guard
+    evasion: Evasion = field(init=False, repr=False)
     _program: VelocityProgram = field(default_factory=VelocityProgram, init=False, repr=False)
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "evasion", Evasion(self.robot, self.settings, self.guard))
+
     def retreat(
-        self, position_rad: Joints, resting_rad: Joints, here: PoseEvaluation, among: Obstacles
-    ) -> Joints | None:
-        """J velocities [rad/s] with which the arm gives way; None when it need not.
+        self,
+        position_rad: Joints,
+        resting_rad: Joints,
+        goal_rad: Joints,
+        here: PoseEvaluation,
+        among: Obstacles,
+        before: Refuge | None,
+        meets_watched: bool,
+    ) -> tuple[Joints | None, Refuge | None]:
+        """J velocities [rad/s] with which the arm gives way, and where to; None when it need not.
 
         Args:
             position_rad: Where the joints are.
             resting_rad: Where they would come to rest.
-            here: What is seen of that.
+            goal_rad: Where they are on their way to.
+            here: What is seen of where they are.
             among: Everyone.
+            before: Where the arm gave way to at the command before.
+            meets_watched: Whether it is on its way to meet the watched person.
         """
-        if not self._is_pressed(here, among):
-            return None
-        rows, clear, coming, which = self.guard.rows_away(np.array(position_rad), among, self._widest(among) + HEEDED_M)
+        at, goal, walking = np.array(position_rad), np.array(goal_rad), self.evasion.walking(among)
+        pressed = self._is_pressed(here, among)
+        # Who is met comes close: for them no more way is made than it takes.
+        unsure = meets_watched or not pressed
+        if walking is not None and unsure and not self.evasion.threatens(at, goal, walking, meets_watched):
+            walking = None
+        if walking is None and not pressed:
+            return None, None
+        rows, clear, coming, which = self.guard.rows_away(at, among, self._widest(among) + HEEDED_M)
         places = which.astype(int)
-        wanted = self._speeds(clear, coming, among, places)
+        least = self._speeds(clear, coming, among, places)
         heeded = np.linalg.norm(rows, axis=1) > LEAST_LEVER_M
-        rows, wanted = rows[heeded], wanted[heeded]
-        if not len(wanted) or wanted.max() < LEAST_M_S:
-            return None
+        rows, least = rows[heeded], least[heeded]
+        if walking is None and (not len(least) or least.max() < LEAST_M_S):
+            return None, None
+        refuge, wanted = None, np.zeros(len(at))
+        if walking is not None:
+            refuge = self.evasion.refuge(at, walking, before)
+            wanted = self._towards(at, np.array(refuge.posture_rad))
         resting, robot = np.array(resting_rad), self.robot
         margin = self.settings.position_margin_rad
         upper = np.clip((robot.upper_rad - margin - resting) / AT_LIMIT_S, 0.0, robot.velocity_rad_s)
         lower = np.clip((robot.lower_rad + margin - resting) / AT_LIMIT_S, -robot.velocity_rad_s, 0.0)
-        velocity = self._program.solve(rows, wanted, lower, upper)
+        velocity = self._program.solve(rows, least, lower, upper, wanted)
         if velocity is None:
-            return None
+            return None, None
         most = PACE * self.settings.near_speed_m_s
-        share = min(1.0, most / max(self.guard.arm_speed(np.array(position_rad), velocity, among), 1e-9))
-        return tuple((share * velocity).tolist())
+        share = min(1.0, most / max(self.guard.arm_speed(at, velocity, among), 1e-9))
+        return tuple((share * velocity).tolist()), refuge
+
+    def _towards(self, at_rad: FloatArray, refuge_rad: FloatArray) -> FloatArray:
+        """(J,) velocities [rad/s] of the way to a refuge, slower as it ends."""
+        way: FloatArray = refuge_rad - at_rad
+        return way / max(self.evasion.duration_s(at_rad, refuge_rad), ARRIVING_S)
 
     def _is_pressed(self, here: PoseEvaluation, among: Obstacles) -> bool:
         """Whether a person is so close, or comes so fast, that the arm may have to give way."""

@@ -236,6 +236,7 @@ def bounds(clear: tuple[float, ...], **values: object) -> np.ndarray:
         "near_speed_m_s": 0.8,
         "jerk_m_s3": 0.0,
         "least_m_s": LEAST_M_S,
+        "unsure_m_s": np.zeros(1),
     } | values
     found: np.ndarray = path_bounds(*given.values())
     return found[0]
@@ -259,6 +260,8 @@ def test_inside_the_zone_the_arm_is_bounded_and_what_comes_nearer_lowers_the_bou
     np.testing.assert_allclose(bounds((0.2, 0.2), toward=np.array([[0.2], [0.9]]))[3:], [0.0, 0.1 - LEAST_M_S])
     coming = np.array([[0.3], [0.65]])
     np.testing.assert_allclose(bounds((0.2, 0.2), approach=coming)[3:], [0.0, 0.2 - 0.15 - LEAST_M_S])
+    seen, unsure = np.array([[0.3], [0.55]]), np.array([0.1])
+    np.testing.assert_allclose(bounds((0.2, 0.2), approach=seen, unsure_m_s=unsure)[4], 0.2 - 0.15 - LEAST_M_S)
     # Of a motion that is wanted every speed counts.
     np.testing.assert_allclose(bounds((0.2, 0.2), approach=coming, least_m_s=0.0)[3:], [0.0, 0.2 - 0.15])
     # Not below a standstill.

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any
@@ -236,6 +237,43 @@ def test_the_arm_gives_way_to_a_head_that_comes_and_goes_home_afterwards(mode: s
     check_limits(YUMI, run.commands)
     run.live(8.0, REST_M)
     assert np.abs(run.last.positions_rad - YUMI.home_rad).max() < 1e-6, run.last.mode
+
+
+WALKER = {
+    "trunk": ((0.0, -0.2), (0.0, 0.45), 0.17),
+    "head": ((0.0, 0.6), (0.0, 0.7), 0.12),
+    "left_upper_arm": ((-0.23, 0.4), (-0.23, 0.1), 0.06),
+    "left_forearm": ((-0.23, 0.1), (-0.23, -0.25), 0.05),
+    "right_upper_arm": ((0.23, 0.4), (0.23, 0.1), 0.06),
+}
+"""Parts of a bystander who walks along the front of the robot: x and z of both ends, and radius [m]."""
+
+
+def walker(x_m: float, from_y_m: float, speed_m_s: float) -> Callable[[float], BodySegments]:
+    """One who passes there."""
+    way = np.array([0.0, -math.copysign(speed_m_s, from_y_m), 0.0])
+    ends = np.array([[(x_m + x, from_y_m, z) for x, z in part[:2]] for part in WALKER.values()])
+    moving, radii = np.tile(way, (len(ends), 2, 1)), np.array([part[2] for part in WALKER.values()])
+    return lambda time_s: BodySegments((3,) * len(ends), tuple(WALKER), ends + time_s * way, moving, radii)
+
+
+@pytest.mark.parametrize(("from_y_m", "speed_m_s"), [(-1.3, 0.6), (1.3, 0.5)])
+def test_the_arm_is_not_caught_between_a_greeting_and_who_walks_through_it(from_y_m: float, speed_m_s: float) -> None:
+    run, way = Around(), walker(0.48, from_y_m, speed_m_s)
+    run.live(0.5)
+    run.live(1.5, MET_M, AWAY)
+    assert run.last.mode == "following"
+    moving = len(run.commands)
+    run.live(2.6 / speed_m_s, MET_M, AWAY, way)
+    for segment, (*_, radius_m) in enumerate(WALKER.values()):
+        along = [
+            run.clear_m(way(0.01 * tick).ends_m[segment], radius_m, since=moving + tick)[0]
+            for tick in range(0, len(run.commands) - moving, 3)
+        ]
+        assert min(along) > 0.02
+    check_limits(YUMI, run.commands)
+    run.live(1.0, MET_M, AWAY)
+    assert np.linalg.norm(chain_of(YUMI).tool(run.last.positions_rad) - HOME_M) > 0.2, "the greeting goes on"
 
 
 def test_an_operators_hold_stands_still_for_every_person() -> None:

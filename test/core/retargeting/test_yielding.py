@@ -7,9 +7,12 @@ import numpy as np
 import pytest
 
 from mild_core.retargeting.chain import chain_of
+from mild_core.retargeting.evasion import COLLIDES, LOOKED_AT, Evasion
 from mild_core.retargeting.guard import PACE, Guard
 from mild_core.retargeting.limiter import JointMotion
 from mild_core.retargeting.obstacles import NO_ONE, Obstacles
+from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.robots.pepper import PEPPER
 from mild_core.retargeting.robots.yumi import YUMI
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.retargeting.yielding import Yielding
@@ -17,6 +20,7 @@ from mild_core.retargeting.yielding import Yielding
 SETTINGS = RetargetingSettings()
 GUARD = Guard(YUMI, SETTINGS)
 YIELDING = Yielding(YUMI, SETTINGS, GUARD)
+EVASION = YIELDING.evasion
 HOME = tuple(YUMI.home_rad.tolist())
 TOOL_M = chain_of(YUMI).tool(YUMI.home_rad)
 AXES = {"x": 0, "y": 1, "z": 2}
@@ -32,7 +36,7 @@ def ball(away_m: np.ndarray, velocity_m_s: np.ndarray, keep_m: float = 0.05, off
 
 def retreat(among: Obstacles, at: tuple[float, ...] = HOME) -> np.ndarray | None:
     here = GUARD.here(JointMotion.at_rest(at), among)
-    found = YIELDING.retreat(at, at, here, among)
+    found, _ = YIELDING.retreat(at, at, at, here, among, None, meets_watched=True)
     return None if found is None else np.array(found)
 
 
@@ -63,7 +67,7 @@ def test_a_person_who_leaves_moves_nothing_and_one_who_is_too_near_does() -> Non
 
 def test_the_nearer_and_the_faster_a_person_comes_the_faster_the_arm_goes() -> None:
     speeds = []
-    for away_m, speed in ((0.25, 0.5), (0.25, 0.7), (0.2, 0.7)):
+    for away_m, speed in ((0.14, 0.05), (0.14, 0.12), (0.12, 0.12)):
         rates = retreat(ball(np.array([away_m, 0.0, 0.0]), np.array([-speed, 0.0, 0.0])))
         speeds.append(0.0 if rates is None else GUARD.arm_speed(YUMI.home_rad, rates, NO_ONE))
     assert speeds[0] < speeds[1] < speeds[2]
@@ -88,12 +92,112 @@ def test_a_joint_at_its_limit_goes_no_further(end: str) -> None:
     for joint in range(len(HOME)):
         at = YUMI.home_rad.copy()
         at[joint] = getattr(YUMI, end)[joint]
-        tool = chain_of(YUMI).tool(at)
+        tool, speed = chain_of(YUMI).tool(at), 0.8 if joint == 0 else 0.12  # who walks is looked ahead for
         for axis in np.vstack([np.eye(3), -np.eye(3)]):
             people = Obstacles(
-                *((1,), ("head",), np.tile(tool + 0.15 * axis, (1, 2, 1)), np.tile(-0.8 * axis, (1, 2, 1))),
+                *((1,), ("head",), np.tile(tool + 0.15 * axis, (1, 2, 1)), np.tile(-speed * axis, (1, 2, 1))),
                 *(np.array([0.05]), np.array([0.05]), np.array([0.32])),
             )
             rates = retreat(people, tuple(at.tolist()))
             if rates is not None:
                 assert rates[joint] >= -1e-9 if end == "lower_rad" else rates[joint] <= 1e-9
+
+
+def passing(people: int = 1, part: str = "trunk", far_m: float = 0.5, speed_m_s: float = 0.8) -> Obstacles:
+    """Someone who walks along the robot's front through where its hand is, and their trunk."""
+    way = np.array([0.0, 1.0, 0.0])
+    start = TOOL_M + np.array([0.05, 0.0, 0.0]) - far_m * way
+    ends, speed = np.tile(start, (1, 2, 1)), np.tile(speed_m_s * way, (1, 2, 1))
+    return Obstacles((people,), (part,), ends, speed, np.array([0.1]), np.array([0.05]), np.array([0.32]))
+
+
+def made_way(among: Obstacles, meets_watched: bool) -> bool:
+    here = GUARD.here(JointMotion.at_rest(HOME), among)
+    return YIELDING.retreat(HOME, HOME, HOME, here, among, None, meets_watched)[0] is not None
+
+
+def test_way_is_made_in_time_for_everyone_but_for_who_is_to_be_met() -> None:
+    far, near = (passing(person, far_m=far_m) for person, far_m in ((1, 1.0), (1, 0.6)))
+    assert made_way(far, False)
+    assert made_way(near, True)
+    assert not made_way(passing(far_m=1.0, speed_m_s=0.4), False)
+    watched_far, watched_near = passing(0, far_m=1.0), passing(0, far_m=0.6)
+    assert not made_way(watched_far, False)
+    assert made_way(watched_near, False)
+    assert not made_way(watched_near, True)
+    # Closer by, way is made for them too: no more than it takes.
+    close = passing(0, far_m=0.35)
+    here = GUARD.here(JointMotion.at_rest(HOME), close)
+    met, flees = (YIELDING.retreat(HOME, HOME, HOME, here, close, None, meets_watched=meets) for meets in (True, False))
+    assert met[0] is not None
+    assert met[1] is None
+    assert flees[1] is not None
+
+
+def test_the_way_is_made_for_where_a_bystander_is_going_and_not_for_a_swinging_arm() -> None:
+    walker, still = passing(), passing(speed_m_s=0.0)
+    arm = passing(part="left_forearm")
+    both = [np.concatenate([getattr(each, name) for each in (still, arm)]) for name in FIELDS]
+    standing = Obstacles((1, 1), ("trunk", "left_forearm"), *both)
+    assert EVASION.walking(standing) is None
+    assert EVASION.walking(still) is None
+    here = GUARD.here(JointMotion.at_rest(HOME), walker)
+    rates, refuge = YIELDING.retreat(HOME, HOME, HOME, here, walker, None, meets_watched=False)
+    assert rates is not None
+    assert refuge is not None
+    way = np.array(refuge.posture_rad) - YUMI.home_rad
+    assert np.array(rates) @ way > 0.9 * np.linalg.norm(rates) * np.linalg.norm(way)
+    walking = EVASION.walking(walker)
+    assert walking is not None
+    goal = tuple((YUMI.home_rad + np.array([0.0, 0.3, 0.5, 0.0, 0.0, 0.0, 0.0])).tolist())
+    assert EVASION.threatens(YUMI.home_rad, np.array(goal), walking, False)
+
+
+FIELDS = ("ends_m", "velocities_m_s", "radii_m", "keep_m", "zones_m")
+
+
+@pytest.mark.parametrize("robot", [YUMI, PEPPER], ids=lambda robot: robot.name)
+def test_the_refuge_is_out_of_the_way_of_who_walks_through_the_stretched_arm(robot: RobotModel) -> None:
+    evasion = EVASION if robot is YUMI else Evasion(robot, SETTINGS, Guard(robot, SETTINGS))
+    guard, rng, better = evasion.guard, np.random.default_rng(3), 0
+    assert guard.own_clearance_m(evasion.postures_rad).min() > 0.0
+    for _ in range(5):
+        at = robot.home_rad + 0.4 * rng.normal(size=len(robot.home_rad))
+        at = np.clip(at, robot.lower_rad + 0.01, robot.upper_rad - 0.01)
+        if guard.own_clearance_m(at[None])[0] < 0.0:
+            continue
+        hand = chain_of(robot).tool(at)
+        ends, way = np.array([[hand - 0.6 * AHEAD, hand - 0.6 * AHEAD]]), np.tile(0.7 * AHEAD, (1, 2, 1))
+        coming = Obstacles((1,), ("trunk",), ends, way, np.array([0.12]), np.array([0.05]), np.array([0.32]))
+        walking = evasion.walking(coming)
+        assert walking is not None
+        refuge = evasion.refuge(at, walking, None)
+        stays, goes = (evasion.in_the_way(at, to, walking) for to in (at, np.array(refuge.posture_rad)))
+        assert goes <= stays
+        assert goes < COLLIDES
+        better += goes < 0.2 * stays
+        kept = evasion.refuge(at, walking, refuge)
+        assert kept.turn == refuge.turn + LOOKED_AT
+        assert evasion.in_the_way(at, np.array(kept.posture_rad), walking) <= goes
+        lasts_s = evasion.duration_s(at, np.array(refuge.posture_rad))
+        rate = (np.array(refuge.posture_rad) - at) / lasts_s
+        assert (np.abs(rate) <= robot.velocity_rad_s + 1e-9).all()
+        assert guard.arm_speed(at, rate, NO_ONE) < 1.5 * SETTINGS.near_speed_m_s
+    assert better >= 2
+
+
+AHEAD = np.array([0.0, 1.0, 0.0])
+
+
+def test_a_way_through_the_robot_itself_is_no_way() -> None:
+    rng, through = np.random.default_rng(5), 0
+    walking = EVASION.walking(passing())
+    assert walking is not None
+    for to in rng.uniform(YUMI.lower_rad, YUMI.upper_rad, (30, len(HOME))):
+        way = YUMI.home_rad + np.linspace(0.0, 1.0, 9)[:, None] * (to - YUMI.home_rad)
+        if EVASION.duration_s(YUMI.home_rad, to) < 1.3 and GUARD.own_clearance_m(to[None])[0] < 0.0:
+            through += 1
+            assert EVASION.in_the_way(YUMI.home_rad, to, walking) >= COLLIDES
+        elif GUARD.own_clearance_m(way).min() > 0.01:
+            assert EVASION.in_the_way(YUMI.home_rad, to, walking) < COLLIDES
+    assert through >= 1
