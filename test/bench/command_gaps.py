@@ -58,6 +58,9 @@ KINDS: dict[str, Any] = {
     "motion": JointTrajectory,
     "motion_state": PointCloud2,
 }
+FLOODS = {"quiet": (), "both": ("skeleton", "joint_states")}
+"""Names of floods of no topic and of the two that come from outside; `all` is each that the nodes take."""
+
 BURST_S = 0.002
 """A flood comes in bursts this far apart: a Python process cannot sleep for less with any precision."""
 
@@ -104,7 +107,7 @@ def main() -> None:
     """Measure and print."""
     words = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     words.add_argument("--nodes", choices=NODES, default="pipeline")
-    words.add_argument("--topics", nargs="*", help="one run for each; 'quiet' floods none, 'all' each of them")
+    words.add_argument("--topics", nargs="*", help="one run for each; 'quiet', 'both', 'all' flood none, two, each")
     words.add_argument("--rate", type=float, default=5000.0, help="messages per second on a flooded topic")
     words.add_argument("--seconds", type=float, default=10.0)
     words.add_argument("--runs", type=int, default=1)
@@ -118,7 +121,7 @@ def main() -> None:
     if given.listen:
         listen(Path(given.listen))
         return
-    topics = given.topics or ["quiet", *TOPICS[given.nodes]]
+    topics = given.topics or ["quiet", *TOPICS[given.nodes], "both"]
     results = []
     with (
         tempfile.TemporaryDirectory() as scratch,
@@ -129,7 +132,7 @@ def main() -> None:
         os.environ |= {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
         room.begin()
         for topic in topics:
-            flooded = () if topic == "quiet" else TOPICS[given.nodes] if topic == "all" else (topic,)
+            flooded = FLOODS.get(topic, TOPICS[given.nodes] if topic == "all" else (topic,))
             for _ in range(given.runs):
                 results.append(measure(room, NODES[given.nodes][-1], topic, flooded, given.rate, given.seconds))
                 if not given.json:
