@@ -41,6 +41,7 @@ from mild_ros.faults.encoded_people import EncodedPeople
 from mild_ros.faults.fault_bench import ROBOT, FaultBench
 from mild_ros.faults.people import SimulatedPerson
 from mild_ros.messages.joint_state import joint_measurement_to_msg
+from mild_ros.priorities import in_real_time
 from mild_ros.processes import Nodes, private_domain
 from mild_ros.quality_of_service import STATE
 
@@ -241,6 +242,7 @@ def listen(path: Path) -> None:
     node.create_subscription(JointState, "joint_command", on_command, 1000)
     executor = SingleThreadedExecutor()
     executor.add_node(node)
+    in_real_time()  # as a robot's driver
     while not ended:
         executor.spin_once(timeout_sec=0.1)
     came_ns, stamp_ns, rad_s = zip(*rows, strict=True) if rows else ((), (), ())
