@@ -32,9 +32,8 @@ def synthetic_windows(model: MildModel) -> FloatArray:
     manifest = model.manifest
     count, shape = 2 * manifest.stride + 2, (manifest.window, manifest.frame_values)
     mean, scale = _hanging_arm(manifest), np.full(shape, 0.1)
-    for name, inputs in model.members[0].inputs.items():
-        network = model.members[0].networks[name]
-        if inputs[0] == "window" and network.layers[0].kind == "normalise":
+    for name, network in model.members[0].networks.items():
+        if manifest.members[0][name].inputs[0] == "window" and network.layers[0].kind == "normalise":
             size = network.layers[0].inputs
             mean = network.parameters[:size][: shape[0] * shape[1]].astype(np.float64).reshape(shape)
             scale = network.parameters[size : 2 * size][: shape[0] * shape[1]].astype(np.float64).reshape(shape)

@@ -21,14 +21,14 @@ OBSERVED_KINDS = ("human_arm",)
 CONTROLLED_KINDS = {"robot_joints": "rad", "human_arm": "m"}
 """What a model can move, and in which unit it says so."""
 
-SOURCES = {
-    "context": ("frame", "window", "label"),
-    "encoder": ("frame", "window", "label", "context"),
-    "residual": ("frame", "window", "label", "context", "observed"),
-    "decoder": ("controlled", "label", "context", "observed", "belief"),
-    "recogniser": ("frame", "window"),
+NETWORKS: Mapping[str, tuple[tuple[str, ...], ...]] = {
+    "context": (("window", "label"),),
+    "encoder": (("context", "window"), ("window",)),
+    "residual": (("context", "window", "label"),),
+    "decoder": (("controlled", "label"), ("controlled",)),
+    "recogniser": (("window",),),
 }
-"""The networks that a member can have, and what each may take in."""
+"""The networks that a member can have, and what each takes in; of two, the second is the paper's."""
 
 REQUIRED_NETWORKS = ("encoder", "decoder")
 
@@ -82,13 +82,11 @@ class PriorSpec:
         kind: A key of `PRIORS`.
         components: K.
         max_duration: D, in steps of the chain: `stride` frames each.
-        restart: Probability per step that the online filter's chain restarts.
     """
 
     kind: str
     components: int
     max_duration: int
-    restart: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -96,7 +94,7 @@ class NetworkSpec:
     """One network of a member.
 
     Attributes:
-        inputs: What it takes in, of `SOURCES`, concatenated in this order.
+        inputs: What it takes in, one of the ways in `NETWORKS`, concatenated in this order.
         layers: In order.
     """
 
@@ -186,13 +184,10 @@ class Manifest:
             raise unknown_name(f"interaction of model {self.name}", name, (AUTO, *self.interactions))
 
     def source_sizes(self) -> dict[str, int]:
-        """How many numbers each source of `SOURCES` has, but for the context, whose network says so."""
+        """How many numbers each input of `NETWORKS` has, but for the context, whose network says so."""
         return {
-            "frame": self.frame_values,
             "window": self.window * self.frame_values,
             "label": len(self.interactions),
-            "observed": self.latent_size,
-            "belief": self.prior.components,
             "controlled": self.latent_size,
         }
 

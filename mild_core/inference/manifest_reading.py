@@ -12,10 +12,10 @@ from mild_core.inference.manifest import (
     CONTROLLED_KINDS,
     FEATURES,
     FORMAT_VERSION,
+    NETWORKS,
     OBSERVED_KINDS,
     PROTOCOLS,
     REQUIRED_NETWORKS,
-    SOURCES,
     ControlledAgent,
     HumanPlacement,
     Manifest,
@@ -119,7 +119,6 @@ def _prior(fields: Fields) -> PriorSpec:
         fields.text("kind", PRIORS),
         fields.integer("components", 1, 100),
         fields.integer("max_duration", 1, 5000),
-        fields.number("restart", 0.0, 0.99) if "restart" in fields.values else 0.0,
     )
 
 
@@ -161,18 +160,18 @@ def _digests(fields: Fields) -> dict[str, str]:
 
 
 def _member(fields: Fields) -> dict[str, NetworkSpec]:
-    fields.only(SOURCES)
+    fields.only(NETWORKS)
     for name in REQUIRED_NETWORKS:
         fields.take(name)
-    return {name: _network(fields.object(name), SOURCES[name]) for name in fields.values}
+    return {name: _network(fields.object(name), NETWORKS[name]) for name in fields.values}
 
 
-def _network(fields: Fields, sources: tuple[str, ...]) -> NetworkSpec:
+def _network(fields: Fields, ways: tuple[tuple[str, ...], ...]) -> NetworkSpec:
     fields.only(NetworkSpec.__dataclass_fields__)
-    inputs = fields.names("inputs", len(sources))
-    for name in inputs:
-        if name not in sources:
-            raise fields.wrong("inputs", f"holds '{name}'", f"use some of {', '.join(sources)}")
+    inputs = fields.names("inputs", 3)
+    if inputs not in ways:
+        known = " or ".join(" + ".join(way) for way in ways)
+        raise fields.wrong("inputs", f"is {' + '.join(inputs)}", f"use {known}")
     return NetworkSpec(inputs, tuple(_layer(layer) for layer in fields.objects("layers", 32)))
 
 

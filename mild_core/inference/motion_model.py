@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mild_core.errors import ModelError
 from mild_core.inference.gesture_recogniser import GestureRecogniser, gesture_classes, take_gestures
-from mild_core.inference.manifest import Manifest, NetworkSpec
+from mild_core.inference.manifest import NETWORKS, Manifest, NetworkSpec
 from mild_core.inference.member import Member, covariance_operators
 from mild_core.inference.networks import Network, build_network
 from mild_core.inference.novelty_detector import NoveltyDetector, take_novelty_detector
@@ -183,13 +183,14 @@ def _build_member(prefix: str, specs: Mapping[str, NetworkSpec], manifest: Manif
     radius = taken.array(f"{prefix}.latent_radius", (len(priors),))
     if not (radius > 0.0).all():
         raise ValueError(f"array {prefix}.latent_radius holds a radius that is not above zero")
-    inputs = {name: spec.inputs for name, spec in specs.items()}
-    operators = covariance_operators(networks["decoder"], inputs["decoder"], sizes, priors, manifest.window)
-    return Member(networks, inputs, sizes, priors, radius, operators)
+    return Member(networks, priors, radius, covariance_operators(networks["decoder"], priors, manifest.window))
 
 
 def _build(prefix: str, spec: NetworkSpec, sizes: Mapping[str, int], outputs: int | None, taken: _Taken) -> Network:
     taken.names |= {f"{prefix}.{layer.name}.{array}" for layer in spec.layers for array in layer.shapes()}
+    way = " + ".join(spec.inputs)
+    if spec.inputs not in NETWORKS[prefix.split(".")[-1]]:
+        raise ValueError(f"{prefix} takes in {way}, which no network of its kind does")
     for name in spec.inputs:
         if name not in sizes:
             raise ValueError(f"{prefix} takes in '{name}', and there is no such network")
@@ -218,7 +219,7 @@ def _build_prior(prefix: str, manifest: Manifest, taken: _Taken) -> Prior:
         raise ValueError(f"array {prefix}.durations is for {longest} steps, but prior.max_duration is {most}")
     try:
         np.linalg.cholesky(arrays["covariances"])
-        return PRIORS[manifest.prior.kind].from_arrays(arrays, manifest.latent_size, manifest.prior.restart)
+        return PRIORS[manifest.prior.kind].from_arrays(arrays, manifest.latent_size)
     except np.linalg.LinAlgError:
         raise ValueError(f"array {prefix}.covariances holds one that is not positive definite") from None
     except ValueError as error:

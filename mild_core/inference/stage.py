@@ -26,13 +26,19 @@ import numpy as np
 from mild_core.errors import DataError
 from mild_core.inference.gesture_recogniser import UNDECIDED_S, GestureState, unit_arm
 from mild_core.inference.manifest import AUTO
-from mild_core.inference.member import ConditionedEnsemble, Generated, MemberState, combined, condition_ensemble
+from mild_core.inference.member import (
+    ConditionedEnsemble,
+    Generated,
+    MemberState,
+    Observed,
+    combined,
+    condition_ensemble,
+)
 from mild_core.inference.motion_model import MildModel
 from mild_core.inference.priors.filtering import UNDERFLOW
 from mild_core.inference.recognition import Recognition, one_hot_belief, recognise, uniform_belief
 from mild_core.inference.rest_detection import STILL_S, first_seen, is_back, is_waiting, rests, watch
 from mild_core.inference.state import CopyState, InferenceState
-from mild_core.inference.stepping import Observed
 from mild_core.joint_measurements import JointMerger
 from mild_core.shapes import FloatArray, read_only
 from mild_core.signals import NAMED, NONE, OFFERED, RESTING, FeatureWindow, JointMeasurement, MotionWindow
@@ -179,7 +185,7 @@ class Inference:
         if seen.rest is not None and is_waiting(seen.rest, self._rest_frames):
             seen = replace(before, rest=seen.rest, gestures=seen.gestures)
         else:
-            memories = [tuple([MemberState(one.context, one.memory) for one in members]) for members in found]
+            memories = [tuple([MemberState(one.context_memory, one.memory) for one in members]) for members in found]
             copy = CopyState(index, tuple(memories))
             copies = (*before.copies[:place], copy, *before.copies[place + 1 :])
             seen = replace(seen, recognition=own, copies=copies, index=index)
@@ -347,13 +353,11 @@ class Inference:
         """What each member finds, given each interaction. Raises DataError when a feature is not finite."""
         copy, stride = state.copies[place], len(state.copies)
         missed = (index - copy.index) // stride - 1 if copy.index >= 0 else -1
-        whole = 1 + (len(window.features) - 1) // stride
-        steps = min(missed + 1, whole) if copy.index >= 0 else whole
         features = window.features
         if not (features.flags.c_contiguous and features.flags.aligned):
             features = read_only(np.array(features, order="C"))  # Any other layout would be compiled again.
         both = zip(self._ensembles, copy.members, strict=True)
-        found = tuple([ensemble.observe(own, features, steps, stride, missed) for ensemble, own in both])
+        found = tuple([ensemble.observe(own, features, missed) for ensemble, own in both])
         if math.isnan(found[0][0].score):
             raise DataError("not_finite", "a feature is NaN or infinite")
         return found

@@ -143,7 +143,7 @@ def _manifest(
         stride=settings.stride,
         rest_s=rest_s(demonstrations),
         interactions=trained.interactions,
-        prior=PriorSpec(settings.prior.kind, settings.prior.components, longest, settings.prior.restart),
+        prior=PriorSpec(settings.prior.kind, settings.prior.components, longest),
         members=members,
         robot_from_human=facts.placement,
         training=facts.training,

@@ -146,9 +146,7 @@ class LatentPrior:
         explain_windows(self.components, of_step.numpy(), observed, widening, log_emissions, gains)
         chosen = [self.priors[c] for c in label.tolist()]
         trials = np.split(log_emissions, np.cumsum(lengths)[:-1])
-        belief = np.concatenate(
-            [run_filter(p.chain, row, restart=p.restart).weights for p, row in zip(chosen, trials, strict=True)]
-        )
+        belief = np.concatenate([run_filter(p.chain, row).weights for p, row in zip(chosen, trials, strict=True)])
         means = self.means[of_step]
         surprise = posterior.mean[..., None, :] - means[..., :size]
         expected = means[..., size:] + (torch.from_numpy(gains.astype(np.float32)) @ surprise[..., None])[..., 0]

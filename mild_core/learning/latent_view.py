@@ -9,7 +9,6 @@ import numpy as np
 
 from mild_core.inference.member import MemberState, compile_member
 from mild_core.inference.motion_model import MildModel
-from mild_core.inference.stepping import BUFFER_PARTS
 from mild_core.learning.demonstration import Demonstration
 from mild_core.learning.windows import Protocol, cut
 from mild_core.shapes import FloatArray, read_only
@@ -46,13 +45,10 @@ def latent_track(model: MildModel, demonstration: Demonstration, protocol: Proto
     ready = compile_member(model.members[member], number, model.residual_covariance)
     stride = manifest.stride
     states, rows = [ready.init()] * stride, []
-    place = int(ready.offsets[BUFFER_PARTS.index("observed")])
     for index, features in enumerate(cut(demonstration, protocol).observed):
         copy = index % stride
-        steps, missed = (1, 0) if index >= stride else (1 + (len(features) - 1) // stride, -1)
-        seen = ready.observe(states[copy], read_only(features), steps, stride, missed)
-        states[copy] = MemberState(seen.context, seen.memory)
-        latent = seen.buffer[place : place + manifest.latent_size].astype(np.float64)
-        rows.append((latent, seen.weights @ seen.means, seen.weights))
+        seen = ready.observe(states[copy], read_only(features), 0 if index >= stride else -1)
+        states[copy] = MemberState(seen.context_memory, seen.memory)
+        rows.append((seen.latent, seen.weights @ seen.means, seen.weights))
     observed, controlled, beliefs = (np.array(part) for part in zip(*rows, strict=True))
     return LatentTrack(demonstration.interaction, observed, controlled, beliefs)

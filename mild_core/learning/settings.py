@@ -6,6 +6,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+from mild_core.inference.manifest import NETWORKS
+
 WARM_UP_EPOCHS = 10
 LEAST_RATE = 0.02
 """Share of the learning rate that the last epochs still have."""
@@ -47,6 +49,15 @@ class Architecture:
     decoder: tuple[str, ...] = ("controlled", "label")
     decoder_hidden: tuple[int, ...] = (64,)
     counterpart_hidden: tuple[int, ...] = (64,)
+
+    def __post_init__(self) -> None:
+        for name, ways in NETWORKS.items():
+            sources = getattr(self, name, ())
+            if sources and sources not in ways:
+                known = " or ".join(str(list(way)) for way in ways)
+                raise ValueError(f"{name} takes in {known}, not {list(sources)}")
+        if ("context" in self.encoder) != bool(self.context) or (self.residual and not self.context):
+            raise ValueError("encoder and residual take in the context where there is one, and only there")
 
 
 @dataclass(frozen=True)
@@ -134,7 +145,6 @@ class PriorSettings:
         iterations: Of expectation maximisation each time.
         every: Epochs between two times.
         frozen_from: Share of the epochs after which it stays as it is.
-        restart: Probability per step that the online filter restarts, see `Prior`.
     """
 
     kind: str = "hsmm"
@@ -143,7 +153,6 @@ class PriorSettings:
     iterations: int = 3
     every: int = 2
     frozen_from: float = 0.5
-    restart: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -263,9 +272,6 @@ class TrainingSettings:
         through = self.weights.prediction > 0.0 or bool(self.architecture.context)
         if through and self.gradient_stride != self.stride:
             raise ValueError("a gradient through memory or belief needs every window of a stride: equal strides")
-        shape = self.architecture
-        if "context" in (*shape.encoder, *shape.residual) and not shape.context:
-            raise ValueError("'context' is a source here, but the context has no sources itself")
         if not (self.evidence_per_s > 0.0 and 0.0 < self.evidence_kept_per_s <= 1.0):
             raise ValueError("evidence_per_s must be above 0, evidence_kept_per_s above 0 and at most 1")
         if self.doublings < 0 or self.epochs < 1:

@@ -209,7 +209,6 @@ def filter_frames(
     memory: FloatArray,
     first: bool,
     chain: tuple[FloatArray, FloatArray, FloatArray],
-    restart: float,
     lowest: float,
     weights: FloatArray,
     log_likelihoods: FloatArray,
@@ -222,7 +221,6 @@ def filter_frames(
         memory: (K, D) belief over component and remaining time, changed in place; zero before the first frame.
         first: Whether the first frame is the first of all, so that the chain starts there.
         chain: Start probabilities (K,), transitions (K, K), durations (K, D); column 0 is a duration of one frame.
-        restart: Probability, per frame, that the chain restarts in any component. 0 is the model as fitted.
         lowest: Online `UNDERFLOW`: a frame less likely under every reachable component is passed over as
             unobserved, if its log-likelihood is at most this. Minus infinity passes nothing over.
         weights: (T, K) filled with the belief after each frame.
@@ -238,9 +236,6 @@ def filter_frames(
         scale[j] = 1.0
     for t in range(log_emissions.shape[0]):
         enter_components(memory, scale, first and t == 0, (initial, transitions), entering[t])
-        for j in range(components):
-            scale[j] *= 1.0 - restart
-            entering[t, j] = entering[t, j] * (1.0 - restart) + restart / components
         shift_memory(memory, scale, durations, entering[t], mass)
         largest, total = weigh_frame(log_emissions[t], mass, emissions[t])
         log_likelihoods[t] = largest + np.log(total)

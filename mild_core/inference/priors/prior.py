@@ -73,8 +73,6 @@ class Prior(ABC):
         chain: Their order and durations.
         phases: (K,) mean time of each component in a demonstration, from 0 (its start) to 1 (its end).
         observed_size: Q.
-        restart: Probability per frame, in the online filter only, that the chain restarts in any component. It
-            guards against locking into a wrong phase of a periodic motion; 0 is the model as fitted.
 
     Raises:
         ValueError: When the parts do not fit each other, or the chain is none of this kind.
@@ -84,7 +82,6 @@ class Prior(ABC):
     chain: SemiMarkovChain
     phases: FloatArray
     observed_size: int
-    restart: float = 0.0
 
     kind: ClassVar[str]
 
@@ -94,8 +91,6 @@ class Prior(ABC):
         require_shape("phases", self.phases, (self.chain.components,))
         if not 0 < self.observed_size <= self.components.mean.shape[1]:
             raise ValueError(f"observed_size {self.observed_size} is not within 1..{self.components.mean.shape[1]}")
-        if not 0.0 <= self.restart < 1.0:
-            raise ValueError(f"restart {self.restart} is no probability below one")
         self.check_chain(self.chain)
 
     @staticmethod
@@ -140,7 +135,7 @@ class Prior(ABC):
         return cls(gaussians, cls.first_chain(components, frames.lengths, settings), phases, observed_size)
 
     @classmethod
-    def from_arrays(cls, arrays: Mapping[str, FloatArray], observed_size: int, restart: float = 0.0) -> Self:
+    def from_arrays(cls, arrays: Mapping[str, FloatArray], observed_size: int) -> Self:
         """The prior that `to_arrays` wrote.
 
         Raises:
@@ -148,10 +143,10 @@ class Prior(ABC):
             ValueError: When the arrays do not make a prior of this kind.
         """
         chain = SemiMarkovChain(arrays["initial"], arrays["transitions"], arrays["durations"])
-        return cls(Gaussian(arrays["means"], arrays["covariances"]), chain, arrays["phases"], observed_size, restart)
+        return cls(Gaussian(arrays["means"], arrays["covariances"]), chain, arrays["phases"], observed_size)
 
     def to_arrays(self) -> dict[str, FloatArray]:
-        """Everything but the kind, `observed_size` and `restart`, by name."""
+        """Everything but the kind and `observed_size`, by name."""
         return {
             "means": self.components.mean,
             "covariances": self.components.covariance,
@@ -205,7 +200,7 @@ class Prior(ABC):
         """
         log_emissions = self.explain(observed, observed_covariance).log_emissions[None]
         memory = belief.memory.copy() if belief.started else None
-        after = run_filter(self.chain, log_emissions, memory, self.restart)
+        after = run_filter(self.chain, log_emissions, memory)
         log_likelihood = float(after.log_likelihoods[0])
         after.memory.flags.writeable = after.weights.flags.writeable = False
         return Belief(after.weights[0], after.memory, True, log_likelihood, log_likelihood > UNDERFLOW)
@@ -227,7 +222,7 @@ class Prior(ABC):
         widenings = np.ascontiguousarray(observed_covariances, dtype=np.float64)
         gaussians = (self.components.mean, self.components.covariance)
         observe_frames(gaussians, (latents, widenings), emissions, conditioned)
-        after = run_filter(self.chain, emissions, restart=self.restart)
+        after = run_filter(self.chain, emissions)
         return Filtered(after.weights, after.log_likelihoods, conditioned)
 
     def condition(

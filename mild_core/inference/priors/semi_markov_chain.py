@@ -127,9 +127,7 @@ class ForwardPass:
     log_likelihoods: FloatArray
 
 
-def run_filter(
-    chain: SemiMarkovChain, log_emissions: FloatArray, memory: FloatArray | None = None, restart: float = 0.0
-) -> ForwardPass:
+def run_filter(chain: SemiMarkovChain, log_emissions: FloatArray, memory: FloatArray | None = None) -> ForwardPass:
     """Filter frames with log-densities (T, K), on from `memory` (K, D), changed in place, or from the start."""
     first = memory is None
     if memory is None:
@@ -137,7 +135,7 @@ def run_filter(
     weights, log_likelihoods = np.empty_like(log_emissions), np.empty(len(log_emissions))
     events = (np.empty_like(weights), np.empty_like(weights), np.empty_like(weights))
     parts = (chain.initial, chain.transitions, chain.durations)
-    filter_frames(log_emissions, memory, first, parts, restart, UNDERFLOW, weights, log_likelihoods, events)
+    filter_frames(log_emissions, memory, first, parts, UNDERFLOW, weights, log_likelihoods, events)
     return ForwardPass(memory, weights, log_likelihoods)
 
 

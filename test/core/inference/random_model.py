@@ -57,11 +57,11 @@ def recurrent_member(window: int = 40, latent: int = 5) -> dict[str, NetworkSpec
         *dense((size + labels, 24, 32)),
         LayerSpec("gru", "memory", 32, 16),
     )
-    encoder = dense((16, 24, latent + latent * (latent + 1) // 2))
+    encoder = dense((16 + size, 24, latent + latent * (latent + 1) // 2))
     return {
         "context": NetworkSpec(("window", "label"), context),
-        "encoder": NetworkSpec(("context",), encoder),
-        "residual": NetworkSpec(("context", "label"), dense((16 + labels, 12, latent))),
+        "encoder": NetworkSpec(("context", "window"), encoder),
+        "residual": NetworkSpec(("context", "window", "label"), dense((16 + size + labels, 12, latent))),
         "decoder": NetworkSpec(("controlled", "label"), dense((latent + labels, 20, 7 * window))),
         "recogniser": NetworkSpec(("window",), dense((size, 8, labels))),
     }

@@ -100,7 +100,7 @@ def test_a_missing_or_altered_file(folder, name):
         (lambda d: d["prior"].update(max_duration=3), ("durations", "max_duration")),
         (lambda d: d["members"][0].pop("decoder"), ("key 'members.0.decoder'",)),
         (lambda d: d["members"][0]["encoder"].update(inputs=["controlled"]), ("key 'members.0.encoder.inputs'",)),
-        (lambda d: d["members"][0]["encoder"].update(inputs=["frame"]), ("member_0.encoder takes 360",)),
+        (lambda d: d["members"][0]["encoder"].update(inputs=["context", "window"]), ("there is no such network",)),
         (
             lambda d: d["members"][0]["encoder"]["layers"][0].update(name="../x"),
             ("key 'members.0.encoder.layers.0.name",),

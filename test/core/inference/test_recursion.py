@@ -23,10 +23,8 @@ def random_chain(rng: np.random.Generator, components: int, longest: int) -> Sem
     return SemiMarkovChain(rng.dirichlet(np.ones(components)), transitions, rng.dirichlet(np.ones(longest), components))
 
 
-def run_filter(
-    chain: SemiMarkovChain, log_emissions: np.ndarray, restart: float = 0.0
-) -> tuple[np.ndarray, np.ndarray]:
-    found = filtered(chain, log_emissions, restart=restart)
+def run_filter(chain: SemiMarkovChain, log_emissions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    found = filtered(chain, log_emissions)
     return found.weights, found.log_likelihoods
 
 
@@ -212,26 +210,6 @@ def test_a_frame_that_underflows_passes_as_time_and_says_so():
     assert log_likelihoods[3] < UNDERFLOW < log_likelihoods[[0, 1, 2, 4, 5]].min()
     np.testing.assert_allclose(weights, unobserved, atol=EXACT)
     assert abs(weights[3] - chain.initial).max() > 0.01
-
-
-def test_restart_mixes_a_new_start_into_every_frame():
-    """As a chain with one more way on: with probability e any component starts, whatever time remained."""
-    rng = np.random.default_rng(12)
-    chain, share, emissions = random_chain(rng, 3, 4), 0.2, rng.uniform(0.1, 1.0, (8, 3))
-    size, start = 12, np.repeat(np.ones(3) / 3, 4) * chain.durations.ravel()
-    moves = np.zeros((size, size))
-    for i in range(3):
-        for r in range(1, 4):
-            moves[4 * i + r, 4 * i + r - 1] = 1.0
-        moves[4 * i] = (chain.transitions[i][:, None] * chain.durations).ravel()
-    moves = (1.0 - share) * moves + share * start
-    state = ((1.0 - share) * chain.initial[:, None] * chain.durations).ravel() + share * start
-    path = []
-    for t in range(8):
-        state = (state @ moves if t else state) * np.repeat(emissions[t], 4)
-        state /= state.sum()
-        path.append(state.reshape(3, 4).sum(axis=1))
-    np.testing.assert_allclose(run_filter(chain, np.log(emissions), share)[0], path, atol=EXACT)
 
 
 def test_components_that_cannot_be_reached_do_not_count_however_likely():

@@ -17,17 +17,7 @@ from test.core.learning.made_trials import JOINTS, made_trial, made_trials
 from test.core.learning.small_settings import SMALL, SMALL_PAPER
 
 TRIALS = made_trials(each=3, frames=130)
-SKIPPING = replace(
-    SMALL,
-    architecture=replace(
-        SMALL.architecture,
-        context=("window",),
-        encoder=("context", "window"),
-        residual=("context", "window", "label"),
-    ),
-    members=2,
-)
-SETTINGS = {"ours": SMALL, "around the memory": SKIPPING, "paper": SMALL_PAPER}
+SETTINGS = {"ours": replace(SMALL, members=2), "paper": SMALL_PAPER}
 
 
 def trained_and_exported(settings, protocol="same"):

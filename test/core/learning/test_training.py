@@ -138,8 +138,15 @@ def test_a_gradient_through_memory_or_belief_needs_equal_strides():
         replace(SMALL, architecture=PLAIN, gradient_stride=4)
     quiet = LossWeights(prediction=0.0)
     assert replace(SMALL, architecture=PLAIN, weights=quiet, gradient_stride=4).gradient_stride == 4
-    with pytest.raises(ValueError, match="no sources"):
-        replace(SMALL, architecture=replace(PLAIN, encoder=("context",)))
+
+
+def test_an_architecture_is_one_of_those_that_the_run_time_has():
+    with pytest.raises(ValueError, match="encoder takes in"):
+        replace(PLAIN, encoder=("context",))
+    with pytest.raises(ValueError, match="where there is one"):
+        replace(PLAIN, encoder=("context", "window"))
+    with pytest.raises(ValueError, match="where there is one"):
+        replace(PLAIN, residual=("context", "window", "label"))
 
 
 def test_nothing_to_learn_from_is_refused():
