@@ -5,13 +5,12 @@ Whatever retargeting takes goes through a bounded inbox in which the newest wins
 of the operator are never dropped and are served at once, `~/hold` before all else: its requests lie in DDS until this
 thread takes them, at least once in a control period, however many other calls wait. Live, ticks come from the steady
 clock. With `use_sim_time` they come from `/clock`; when that stands still while the robot moves, the robot is stopped
-on the steady clock. The thread has real-time priority where that is allowed. In lock-step there is no thread: each
-input is taken where it comes (`StageNode.is_in_order`).
+on the steady clock. The thread has real-time priority where that is allowed (`priorities`). In lock-step there is no
+thread: each input is taken where it comes (`StageNode.is_in_order`).
 """
 
 from __future__ import annotations
 
-import os
 import sys
 import threading
 import time
@@ -29,6 +28,7 @@ from mild_ros.diagnostics import Diagnostics
 from mild_ros.life_topics import LifeTopics
 from mild_ros.messages.stamps import NANOSECONDS_PER_SECOND
 from mild_ros.outcomes import OutcomePublisher
+from mild_ros.priorities import in_real_time
 from mild_ros.settings import RetargetingParameters
 from mild_ros.threads import StageNode
 
@@ -46,10 +46,6 @@ SWITCH_S = 0.0001
 
 ANSWER_S = 5.0
 """Control answers within a period; a machine that gives it no time for so long has stopped."""
-
-
-PRIORITY = 50
-"""Of control among real-time threads; source: what ros2_control gives its own."""
 
 END_S = 1.0
 """A smooth stop takes 0.3 s; a node that is to end ends after this time in any case."""
@@ -76,15 +72,6 @@ def kind_of(given: RetargetingInput) -> str:
     """What an input is called in diagnostics."""
     kinds = ((JointMeasurement, "measurement"), (PersonPose, "person"), (MotionWindow, "motion"))
     return next((name for kind, name in kinds if isinstance(given, kind)), "request")
-
-
-def in_real_time() -> bool:
-    """Give this thread real-time priority, but none that it starts; whether that is allowed (limits.conf, root)."""
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(PRIORITY))
-    except (OSError, AttributeError):  # not allowed; no such thing on this system
-        return False
-    return True
 
 
 class _Call:

@@ -41,8 +41,11 @@ FAILED_PAUSE_S = 0.01
 """A fault of ours in reception costs what had come; the next attempt follows after this time."""
 
 FLOOD_PAUSE_S = 0.005
-"""Reception sleeps for so long when more has come than is used: control needs the lock too. It is all that a flood adds
-to the age of a message."""
+"""Reception sleeps for so long at least when more has come than is used: control needs the lock too ..."""
+
+FLOOD_REST = 2.0
+"""... and for so many times the processor time that it has spent, so that of a flooded process a third is reception's
+at most. Both together are all that a flood adds to the age of a message."""
 
 
 @dataclass(eq=False)
@@ -158,9 +161,10 @@ class Reception:
         ready = set(waiting.get_ready_entities("subscription"))
         if not ready:
             return 0.0
+        started_s = time.thread_time()
         flooded = [self._take(entry) for entry in self._inputs if entry.subscription.handle.pointer in ready]
         self._hand_on()
-        return FLOOD_PAUSE_S if any(flooded) else 0.0
+        return max(FLOOD_PAUSE_S, FLOOD_REST * (time.thread_time() - started_s)) if any(flooded) else 0.0
 
     def _take(self, entry: _Input) -> bool:
         """Take what is there of a topic, and keep what may be used; whether more comes than that."""

@@ -41,6 +41,7 @@ from mild_ros.faults.encoded_people import EncodedPeople
 from mild_ros.faults.fault_bench import ROBOT, FaultBench
 from mild_ros.faults.people import SimulatedPerson
 from mild_ros.messages.joint_state import joint_measurement_to_msg
+from mild_ros.priorities import in_real_time
 from mild_ros.processes import Nodes, private_domain
 from mild_ros.quality_of_service import STATE
 
@@ -58,6 +59,9 @@ KINDS: dict[str, Any] = {
     "motion": JointTrajectory,
     "motion_state": PointCloud2,
 }
+FLOODS = {"quiet": (), "both": ("skeleton", "joint_states")}
+"""Names of floods of no topic and of the two that come from outside; `all` is each that the nodes take."""
+
 BURST_S = 0.002
 """A flood comes in bursts this far apart: a Python process cannot sleep for less with any precision."""
 
@@ -104,7 +108,7 @@ def main() -> None:
     """Measure and print."""
     words = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     words.add_argument("--nodes", choices=NODES, default="pipeline")
-    words.add_argument("--topics", nargs="*", help="one run for each; 'quiet' floods none, 'all' each of them")
+    words.add_argument("--topics", nargs="*", help="one run for each; 'quiet', 'both', 'all' flood none, two, each")
     words.add_argument("--rate", type=float, default=5000.0, help="messages per second on a flooded topic")
     words.add_argument("--seconds", type=float, default=10.0)
     words.add_argument("--runs", type=int, default=1)
@@ -118,7 +122,7 @@ def main() -> None:
     if given.listen:
         listen(Path(given.listen))
         return
-    topics = given.topics or ["quiet", *TOPICS[given.nodes]]
+    topics = given.topics or ["quiet", *TOPICS[given.nodes], "both"]
     results = []
     with (
         tempfile.TemporaryDirectory() as scratch,
@@ -129,7 +133,7 @@ def main() -> None:
         os.environ |= {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
         room.begin()
         for topic in topics:
-            flooded = () if topic == "quiet" else TOPICS[given.nodes] if topic == "all" else (topic,)
+            flooded = FLOODS.get(topic, TOPICS[given.nodes] if topic == "all" else (topic,))
             for _ in range(given.runs):
                 results.append(measure(room, NODES[given.nodes][-1], topic, flooded, given.rate, given.seconds))
                 if not given.json:
@@ -238,6 +242,7 @@ def listen(path: Path) -> None:
     node.create_subscription(JointState, "joint_command", on_command, 1000)
     executor = SingleThreadedExecutor()
     executor.add_node(node)
+    in_real_time()  # as a robot's driver
     while not ended:
         executor.spin_once(timeout_sec=0.1)
     came_ns, stamp_ns, rad_s = zip(*rows, strict=True) if rows else ((), (), ())

@@ -14,6 +14,7 @@ DATA = ("test/command_line/test_data.py",)
 SALVAGE = ("test/replay/test_broken_bags.py",)
 INPUTS, STILL = ("test/replay/test_inputs.py",), ("test/replay/test_stillness.py",)
 AGES = ("test/replay/test_bags_of_another_age.py",)
+PRIORITIES = ("test/ros/test_priorities.py",)
 DOCTOR, WAITS = ("test/command_line/test_doctor.py",), ("test/replay/test_waits.py",)
 
 FAULTS = (
@@ -536,5 +537,21 @@ FAULTS = (
         "for now_s in (0.25, 0.3, 0.35, 0.4)]",
         "for now_s in ()]",
         ("test/replay/test_compiled_before.py",),
+    ),
+    Fault(
+        "control alone is in real time",
+        "A thread that holds what control waits for loses its processor to other programs.",
+        "mild_ros/priorities.py",
+        "if os.sched_getscheduler(thread) == os.SCHED_OTHER:",
+        "if os.sched_getscheduler(thread) == os.SCHED_BATCH:",
+        PRIORITIES,
+    ),
+    Fault(
+        "all threads are equals",
+        "Control waits for reception, which has its priority.",
+        "mild_ros/priorities.py",
+        "os.sched_param(BESIDE))",
+        "os.sched_param(CONTROL))",
+        PRIORITIES,
     ),
 )

@@ -3,11 +3,14 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
+from mild_ros.priorities import CONTROL
 from test.replay.made_model import save_random_model
 from test.ros.processes import NodeProcess, Probe
 
@@ -38,6 +41,13 @@ def probe(ros_domain: int) -> Iterator[Probe]:
     probe = Probe()
     yield probe
     probe.close()
+
+
+@pytest.fixture(scope="session")
+def real_time() -> bool:
+    """Whether programs here may have the priority that control wants; tried in a process of its own."""
+    attempt = f"import os; os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param({CONTROL}))"
+    return subprocess.run([sys.executable, "-c", attempt], stderr=subprocess.DEVNULL, check=False).returncode == 0
 
 
 @pytest.fixture(scope="session")

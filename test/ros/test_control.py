@@ -8,8 +8,8 @@ import signal
 import subprocess
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -25,11 +25,11 @@ from trajectory_msgs.msg import JointTrajectory
 
 from mild_core.signals import JointMeasurement, MotionWindow
 from mild_ros.commanding import DISCOVERY_S
-from mild_ros.control import in_real_time
 from mild_ros.faults.judge import Command, problems
 from mild_ros.messages.joint_state import joint_measurement_to_msg
 from mild_ros.messages.motion import motion_state_to_msg, motion_to_msg
 from mild_ros.messages.stamps import ns_from_msg, time_to_msg
+from mild_ros.priorities import BESIDE, CONTROL
 from mild_ros.quality_of_service import SERVICE
 from test.ros.processes import END_S, NodeProcess, Probe
 from test.ros.surroundings import ERROR, YUMI, Surroundings
@@ -189,15 +189,15 @@ def test_a_hold_among_thousands_of_calls_acts_at_once_and_every_call_is_answered
     assert released.message.startswith("released; ")
 
 
-def test_hold_says_so_when_no_command_is_sent(start: Callable[..., NodeProcess], mover: Mover) -> None:
+def test_hold_says_so_when_no_command_is_sent(start: Callable[..., NodeProcess], mover: Mover, real_time: bool) -> None:
     running = start("retargeting")
     mover.connect()
     mover.probe.until(lambda: "waiting for joint_states" in mover.status()[1], "waiting")
     threads = [int(entry.name) for entry in Path(f"/proc/{running.process.pid}/task").iterdir()]
-    real = [os.sched_getscheduler(one) & ~os.SCHED_RESET_ON_FORK for one in threads].count(os.SCHED_FIFO)
-    with ThreadPoolExecutor(1) as pool:
-        allowed = pool.submit(in_real_time).result()
-    assert (real, mover.status()[2]["control priority"]) == ((1, "real time") if allowed else (0, "normal"))
+    found = Counter(os.sched_getparam(one).sched_priority for one in threads)
+    expected = {CONTROL: 1, BESIDE: len(threads) - 1} if real_time else {0: len(threads)}
+    said = mover.status()[2]["control priority"]
+    assert (found, said) == (expected, "real time" if real_time else "normal")
     answer = mover.probe.call(SetBool, "/retargeting/hold", SetBool.Request(data=True))
     assert answer.message == "held; waiting: the robot has not said where it is, and no command is sent"
 

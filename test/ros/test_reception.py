@@ -12,12 +12,13 @@ from typing import Any
 import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from std_msgs.msg import String
 
 from mild_ros.diagnostics import Diagnostics
 from mild_ros.parameters import declare
 from mild_ros.quality_of_service import SENSOR
-from mild_ros.reception import KEPT, PER_S, Reception
+from mild_ros.reception import FLOOD_REST, KEPT, PER_S, Reception
 from mild_ros.settings import PerceptionParameters
 from mild_ros.threads import StageNode
 from test.ros.processes import Probe
@@ -31,11 +32,15 @@ class Heard:
         declare(self.node, PerceptionParameters)
         self.diagnostics = Diagnostics(self.node, ("words",))
         self.texts: list[str] = []
+        self.work_s = 0.0
         self.reception = Reception(self.node, self.diagnostics)
         self.reception.subscribe(String, "words", self._on_word, SENSOR)
 
     def _on_word(self, message: Any) -> None:
         self.texts.append(message.data)
+        end_s = time.thread_time() + self.work_s
+        while time.thread_time() < end_s:
+            pass
         self.diagnostics.flowed("words")
 
     def counted(self) -> tuple[int, int, int]:
@@ -79,6 +84,26 @@ def test_of_a_flood_so_many_a_second_are_used_and_the_last_one_is_among_them(hea
     assert used <= KEPT + 1 + PER_S * (time.monotonic() - started_s)
     assert used >= 20, "a flood shuts out no other publisher"
     assert used + dropped + lost == sent + 1
+
+
+def test_a_flood_is_followed_by_a_rest_of_twice_its_work_and_a_message_by_none(heard: Heard, probe: Probe) -> None:
+    heard.node.stop_threads()
+    heard.work_s = 0.01
+    words = probe.node.create_publisher(String, "words", SENSOR)
+    probe.matched(words)
+    waiting = rclpy_implementation.WaitSet(1, 0, 0, 0, 0, 0, heard.node.context.handle)
+    words.publish(String(data="one"))
+    probe.until(lambda: heard.reception._receive(waiting) == 0.0 and heard.texts == ["one"], "it is used")
+    rests_s: list[float] = []
+
+    def flooded() -> bool:
+        for _ in range(3 * KEPT):
+            words.publish(String(data="flood"))
+        count = len(heard.texts)
+        rests_s.append(heard.reception._receive(waiting))
+        return rests_s[-1] > 0.0 and rests_s[-1] >= FLOOD_REST * heard.work_s * (len(heard.texts) - count)
+
+    probe.until(flooded, "a rest", 2.0, lambda: rests_s)
 
 
 def test_what_has_no_place_in_dds_is_lost_and_nothing_else_is(heard: Heard, probe: Probe) -> None:
