@@ -10,10 +10,10 @@ from mild_core.retargeting.robot_file import find_robot
 from mild_ros.assembly.inference import load
 from mild_ros.assembly.perception import skeleton_source
 from mild_ros.assembly.pipeline import make_pipeline
-from mild_ros.bag_camera import with_camera
-from mild_ros.bags import open_bag
-from mild_ros.replay import Inputs, fold
-from mild_ros.settings import PipelineParameters
+from mild_ros.assembly.settings import PipelineParameters
+from mild_ros.bag.camera import with_camera
+from mild_ros.bag.reader import open_bag
+from mild_ros.replay.in_process import Inputs, fold
 
 
 def main(bag: Path, picture: Path) -> None:

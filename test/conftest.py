@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from mild_ros.processes import hold_domain
+from mild_ros.environment.processes import hold_domain
 
 ROOT = Path(__file__).resolve().parent.parent
 DOMAIN_LOCK = pytest.StashKey[socket.socket]()

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from mild_core.compiled import compiled
-from mild_core.retargeting.chain import frames_of, least_clearance, nearest_points, place_capsules
+from mild_core.retargeting.robot_model.chain import frames_of, least_clearance, nearest_points, place_capsules
 from mild_core.shapes import FloatArray
 
 LOOK_SELF_M, SLACK_M = 0.08, 0.005

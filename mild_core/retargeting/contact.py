@@ -22,10 +22,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mild_core.retargeting.chain import Chain, chain_of
-from mild_core.retargeting.inverse_kinematics import InverseKinematics, Reach
 from mild_core.retargeting.limiter import Joints
-from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.robot_model.chain import Chain, chain_of
+from mild_core.retargeting.robot_model.inverse_kinematics import InverseKinematics, Reach
+from mild_core.retargeting.robot_model.robot import RobotModel
 from mild_core.retargeting.settings import Mix
 from mild_core.shapes import FloatArray
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where the arm is out of the way of people who walk: postures of refuge, and how much each is in their way.
 
-Giving way at the last moment and straight away from a person ends where a joint does, or between two people. So whoever
-walks is looked ahead for, and of a few postures the arm goes to the one that is least in their way from now on.
+Giving way at the last moment and straight away from a person ends where a joint does, or between two people. So the
+way of people who walk is looked ahead for, and of a few postures the arm goes to the one that is least in their way from now on.
 
 Source: rollouts of a few candidate motions against predicted obstacles, as in D. Fox et al., "The dynamic window
 approach to collision avoidance", IEEE RAM 1997.
@@ -17,11 +17,11 @@ from typing import NamedTuple
 import numpy as np
 
 from mild_core.compiled import compiled
-from mild_core.retargeting.chain import frames_of, least_clearance, nearest_points, place_capsules
 from mild_core.retargeting.guard import APART_M, PACE, Guard
 from mild_core.retargeting.limiter import Joints
 from mild_core.retargeting.obstacles import NO_ONE, Obstacles
-from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.robot_model.chain import frames_of, least_clearance, nearest_points, place_capsules
+from mild_core.retargeting.robot_model.robot import RobotModel
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.shapes import FloatArray, read_only
 from mild_core.signals import WATCHED_PERSON

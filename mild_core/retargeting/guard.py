@@ -22,12 +22,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mild_core.retargeting.capsules import Capsules, capsules_of
-from mild_core.retargeting.chain import Chain, chain_of, nearest_points
 from mild_core.retargeting.clearance import BREACHES, LEAST_M_S, evaluate_poses, find_breach, nearest_rows, path_bounds
 from mild_core.retargeting.limiter import JointMotion, Limiter
 from mild_core.retargeting.obstacles import NO_ONE, Obstacles
-from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.robot_model.capsules import Capsules, capsules_of
+from mild_core.retargeting.robot_model.chain import Chain, chain_of, nearest_points
+from mild_core.retargeting.robot_model.robot import RobotModel
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.shapes import FloatArray
 

@@ -13,7 +13,7 @@ from mild_core.joint_measurements import JointMerger
 from mild_core.retargeting.human_track import check_pose
 from mild_core.retargeting.limiter import JointMotion
 from mild_core.retargeting.modes import Mode
-from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.robot_model.robot import RobotModel
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.retargeting.state import Request, RetargetingState
 from mild_core.retargeting.target import checked_plan

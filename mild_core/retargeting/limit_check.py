@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.robot_model.robot import RobotModel
 from mild_core.shapes import FloatArray
 
 ROUNDING_RAD = 1e-14

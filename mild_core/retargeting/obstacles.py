@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from mild_core.retargeting.chain import nearest_points
 from mild_core.retargeting.human_track import AssumedPlacement, Point
+from mild_core.retargeting.robot_model.chain import nearest_points
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.shapes import FloatArray, read_only
 from mild_core.signals import ARM_FRAME, NO_SEGMENTS, WATCHED_PERSON, BodySegments, PersonPose

@@ -33,13 +33,13 @@ import numpy as np
 from mild_core.budgets import parse_toml, read_file
 from mild_core.errors import SetupError, near, unknown_name
 from mild_core.fields import Fields
-from mild_core.retargeting.arm_following import LinkFollower
-from mild_core.retargeting.chain import chain_of
-from mild_core.retargeting.joint_limits import JointLimits, read_joint_limits
-from mild_core.retargeting.kinematics import read_tree
-from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.robot_model.arm_following import LinkFollower
+from mild_core.retargeting.robot_model.chain import chain_of
+from mild_core.retargeting.robot_model.joint_limits import JointLimits, read_joint_limits
+from mild_core.retargeting.robot_model.kinematics import read_tree
+from mild_core.retargeting.robot_model.robot import RobotModel
+from mild_core.retargeting.robot_model.urdf import FIXED, Joint
 from mild_core.retargeting.robots import ROBOTS
-from mild_core.retargeting.urdf import FIXED, Joint
 from mild_core.shapes import FloatArray, read_only
 
 SIZE_LIMIT = 100_000

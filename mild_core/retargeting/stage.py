@@ -22,7 +22,6 @@ from functools import cached_property
 import numpy as np
 
 from mild_core.joint_measurements import JointMerger
-from mild_core.retargeting.arm_following import ArmFollower, arm_follower
 from mild_core.retargeting.contact import Contact, stiffness
 from mild_core.retargeting.guard import TOO_FAST, Guard, PoseEvaluation, Verdict
 from mild_core.retargeting.human_track import LOST_S, SHIFT_M_S, AssumedPlacement
@@ -31,7 +30,8 @@ from mild_core.retargeting.limiter import JointMotion, Joints, Limiter, NoPlanEr
 from mild_core.retargeting.mode_inputs import person_present, situation, with_rest, with_start
 from mild_core.retargeting.modes import Mode, next_mode
 from mild_core.retargeting.obstacles import NO_ONE, Obstacles, obstacles_of
-from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.robot_model.arm_following import ArmFollower, arm_follower
+from mild_core.retargeting.robot_model.robot import RobotModel
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.retargeting.state import PAUSED_S, Request, RetargetingState
 from mild_core.retargeting.target import Plan, RampIn

@@ -16,9 +16,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mild_core.retargeting.chain import nearest_points
 from mild_core.retargeting.human_track import HumanTrack
 from mild_core.retargeting.obstacles import Crowd
+from mild_core.retargeting.robot_model.chain import nearest_points
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.shapes import FloatArray
 from mild_core.signals import ROBOT_FRAME, UNKNOWN_DIRECTION, WATCHED_PERSON

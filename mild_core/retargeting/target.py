@@ -10,7 +10,7 @@ import numpy as np
 
 from mild_core.errors import DataError
 from mild_core.retargeting.limiter import Joints
-from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.robot_model.robot import RobotModel
 from mild_core.shapes import FloatArray
 from mild_core.signals import ARM_JOINTS, MotionWindow
 

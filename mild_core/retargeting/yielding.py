@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from mild_core.retargeting.evasion import Evasion, Refuge
 from mild_core.retargeting.guard import PACE, Guard, PoseEvaluation
-from mild_core.retargeting.inverse_kinematics import VelocityProgram
 from mild_core.retargeting.limiter import Joints
 from mild_core.retargeting.obstacles import Obstacles
-from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.robot_model.inverse_kinematics import VelocityProgram
+from mild_core.retargeting.robot_model.robot import RobotModel
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.shapes import FloatArray
 

@@ -7,9 +7,9 @@ from mild_core.errors import unknown_name
 from mild_core.retargeting.robot_file import find_robot
 from mild_ros.assembly.perception import manifest_of, robot_from_camera, skeleton_source
 from mild_ros.assembly.robot import check_fit
+from mild_ros.assembly.settings import PipelineParameters
+from mild_ros.commands.joint_naming import joint_naming
 from mild_ros.controllers import OUTPUTS
-from mild_ros.joint_naming import joint_naming
-from mild_ros.settings import PipelineParameters
 
 
 def check_parameters(parameters: PipelineParameters) -> None:

@@ -19,9 +19,9 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from mild_core.errors import SetupError
-from mild_core.retargeting.kinematics import read_tree
-from mild_core.retargeting.robot import RobotModel
-from mild_core.retargeting.urdf import read_description
+from mild_core.retargeting.robot_model.kinematics import read_tree
+from mild_core.retargeting.robot_model.robot import RobotModel
+from mild_core.retargeting.robot_model.urdf import read_description
 from mild_ros.assembly.private import private_folder
 
 MESHES_LIMIT = 500_000_000

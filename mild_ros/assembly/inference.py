@@ -10,7 +10,7 @@ from mild_core.inference.stage import Inference
 from mild_core.resources import load_model
 from mild_core.retargeting.robots import ROBOTS
 from mild_core.signals import FeatureWindow
-from mild_ros.settings import InferenceParameters
+from mild_ros.assembly.settings import InferenceParameters
 
 
 def load(model: str) -> MildModel:

@@ -16,10 +16,10 @@ from mild_core.perception.skeletons import SkeletonSource
 from mild_core.perception.skeletons.source import Axes
 from mild_core.perception.stage import Perception
 from mild_core.resources import model_folder, perception_settings
-from mild_core.retargeting.urdf import rotation_from_rpy
+from mild_core.retargeting.robot_model.urdf import rotation_from_rpy
 from mild_core.shapes import FloatArray
-from mild_ros.calibration_file import CalibrationFile
-from mild_ros.settings import PerceptionParameters
+from mild_ros.assembly.calibration_file import CalibrationFile
+from mild_ros.assembly.settings import PerceptionParameters
 
 
 def manifest_of(model: str) -> Manifest:

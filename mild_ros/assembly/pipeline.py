@@ -8,7 +8,7 @@ from mild_core.pipeline import Pipeline
 from mild_ros.assembly.inference import make_inference
 from mild_ros.assembly.perception import make_perception
 from mild_ros.assembly.retargeting import make_retargeting
-from mild_ros.settings import PipelineParameters
+from mild_ros.assembly.settings import PipelineParameters
 
 
 def make_pipeline(parameters: PipelineParameters, model: MildModel) -> Pipeline:

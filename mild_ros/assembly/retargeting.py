@@ -9,14 +9,14 @@ import numpy as np
 
 from mild_core.inference.manifest import Manifest
 from mild_core.retargeting.human_track import AssumedPlacement
-from mild_core.retargeting.kinematics import forward_kinematics
-from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.robot_model.kinematics import forward_kinematics
+from mild_core.retargeting.robot_model.robot import RobotModel
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.retargeting.stage import Retargeting
 from mild_core.signals import ARM_JOINTS, ROBOT_FRAME, BodySegments, JointMeasurement, MotionWindow, PersonPose
 from mild_ros.assembly.robot import check_fit, make_robot
-from mild_ros.controller_messages import delay_of
-from mild_ros.settings import RetargetingParameters
+from mild_ros.assembly.settings import RetargetingParameters
+from mild_ros.commands.controller_messages import delay_of
 
 HANGING_M = ((0.0, 0.0, 0.0), (0.0, 0.0, -0.3), (0.0, 0.0, -0.6))
 """A partner's arm for a first mapping."""

@@ -12,10 +12,10 @@ import numpy as np
 from mild_core.errors import SetupError, near
 from mild_core.inference.manifest import ControlledAgent
 from mild_core.printable import printable_lines
-from mild_core.retargeting.chain import chain_of
-from mild_core.retargeting.kinematics import KinematicTree, read_tree
-from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.robot_file import find_robot
+from mild_core.retargeting.robot_model.chain import chain_of
+from mild_core.retargeting.robot_model.kinematics import KinematicTree, read_tree
+from mild_core.retargeting.robot_model.robot import RobotModel
 from mild_core.retargeting.robots import ROBOTS
 from mild_core.signals import ARM_JOINTS
 from mild_ros.assembly.description import prepared, temporary
@@ -119,7 +119,7 @@ def _from_topic(topic: str) -> str:
     from rclpy.wait_for_message import wait_for_message
     from std_msgs.msg import String
 
-    from mild_ros.quality_of_service import LATCHED
+    from mild_ros.node_kit.quality_of_service import LATCHED
 
     context = rclpy.Context()  # of its own: replay in process has none
     context.init()

@@ -21,12 +21,12 @@ from mild_ros.command_line.error_tables import markdown, markdown_table, print_c
 from mild_ros.command_line.run_time_tables import run_time_as_data, run_time_cells, unknown_as_data, unknown_cells
 
 if TYPE_CHECKING:
-    from mild_core.learning.comparison import Row
-    from mild_core.learning.configuration import Configuration
-    from mild_core.learning.cross_validation import Job, Result
-    from mild_core.learning.demonstration import Demonstration
-    from mild_core.learning.recording import Recording
-    from mild_core.learning.units import Unit
+    from mild_core.learning.data.demonstration import Demonstration
+    from mild_core.learning.data.recording import Recording
+    from mild_core.learning.data.units import Unit
+    from mild_core.learning.evaluation.comparison import Row
+    from mild_core.learning.evaluation.cross_validation import Job, Result
+    from mild_core.learning.training.configuration import Configuration
 
 FOLDS = 4
 LEAST_INTERACTIONS = 3
@@ -61,9 +61,9 @@ def request_of(config: str, dataset: str, data: Path | None, protocol: str, ever
     Raises:
         SetupError: There is no such configuration, recording or protocol.
     """
-    from mild_core.learning.configuration import read_configuration
+    from mild_core.learning.data.windows import protocol_named
     from mild_core.learning.datasets import recording_named
-    from mild_core.learning.windows import protocol_named
+    from mild_core.learning.training.configuration import read_configuration
 
     configured = read_configuration(config) if config else None
     recording = recording_named(dataset or (configured.dataset if configured else "buetepage_hr"), data)
@@ -92,10 +92,10 @@ def cross_validate(request: CrossValidationRequest, out: Path, as_json: bool) ->
             reliability per method that the run-time stage runs.
         as_json: Print JSON instead of tables.
     """
-    from mild_core.learning.comparison import compare
-    from mild_core.learning.configuration import configuration_for
-    from mild_core.learning.cross_validation import jobs_of
-    from mild_core.learning.methods import METHODS
+    from mild_core.learning.evaluation.comparison import compare
+    from mild_core.learning.evaluation.cross_validation import jobs_of
+    from mild_core.learning.evaluation.methods import METHODS
+    from mild_core.learning.training.configuration import configuration_for
 
     recording, seeds = request.recording, request.seeds
     _require_trials(request)  # said before anything else starts
@@ -119,9 +119,9 @@ def _require_trials(request: CrossValidationRequest) -> tuple[Demonstration, ...
     Raises:
         DatasetError: They cannot.
     """
-    from mild_core.learning.folds import require_folds
-    from mild_core.learning.trial_validity import require_valid
-    from mild_core.learning.windows import require_windows
+    from mild_core.learning.data.folds import require_folds
+    from mild_core.learning.data.trial_validity import require_valid
+    from mild_core.learning.data.windows import require_windows
 
     trials = request.recording.read(request.path).train
     require_folds(trials, request.recording.interactions)
@@ -135,7 +135,7 @@ def _leave(table: Mapping[str, Any], rows: Sequence[Row], unit: Unit, out: Path,
     """Write the files of one protocol's table, and print it unless JSON will be."""
     from mild_ros.viewing.figures.comparison import draw_comparison
     from mild_ros.viewing.figures.reliability import draw_reliability
-    from mild_ros.viewing.figures.style import counted
+    from mild_ros.viewing.style import counted
 
     cells = run_time_cells(table["run_time"], {row.method: row.title for row in rows})
     out.mkdir(parents=True, exist_ok=True)
@@ -157,7 +157,7 @@ def _leave(table: Mapping[str, Any], rows: Sequence[Row], unit: Unit, out: Path,
 
 def detect_unknown(request: CrossValidationRequest, out: Path, as_json: bool) -> None:
     """Leave each interaction out, print and write how well it is detected as unknown, per protocol."""
-    from mild_core.learning.unknown import leave_one_out
+    from mild_core.learning.evaluation.unknown import leave_one_out
 
     recording, trials = request.recording, _require_trials(request)
     shown = tuple(name for name in recording.interactions if any(trial.interaction == name for trial in trials))
@@ -187,7 +187,7 @@ def _today() -> str:
 
 def _run(jobs: Sequence[Job], workers: int, protocol: str) -> list[Result]:
     """All jobs, with a bar that shows what was learned last."""
-    from mild_core.learning.cross_validation import run_jobs
+    from mild_core.learning.evaluation.cross_validation import run_jobs
 
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     results = []

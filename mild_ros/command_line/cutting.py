@@ -15,16 +15,16 @@ from mild_core.errors import BagError, SetupError
 from mild_core.perception.calibration import Calibration
 from mild_core.retargeting.robot_file import find_robot
 from mild_core.shapes import FloatArray
-from mild_ros.bag_clock import Clock, judge_clock
-from mild_ros.bags import BagReader, open_bag
+from mild_ros.bag.reader import BagReader, open_bag
+from mild_ros.bag.tracker_clock import Clock, judge_clock
+from mild_ros.commands.joint_naming import joint_naming
 from mild_ros.demonstrations.labels import TOPIC, BagLabels, cleaned, for_all, label_each, spans_said
 from mild_ros.demonstrations.settings import SAME, CutParameters, DemonstrationSettings
 from mild_ros.demonstrations.streams import Streams, read_streams
 from mild_ros.demonstrations.tracks import ArmTrack, Sightings, follow, joints_on_grid, on_grid, perception_of
-from mild_ros.joint_naming import joint_naming
 
 if TYPE_CHECKING:
-    from mild_core.learning.segmentation import Cut, RestToRest, Segment
+    from mild_core.learning.data.segmentation import Cut, RestToRest, Segment
 
 PERSON, PARTNER, ROBOT = "the person", "the partner", "the robot"
 
@@ -73,7 +73,7 @@ class CutBag:
 
 def rest_to_rest(parameters: CutParameters) -> RestToRest:
     """The parameters as cutting takes them."""
-    from mild_core.learning.segmentation import RestToRest
+    from mild_core.learning.data.segmentation import RestToRest
 
     return RestToRest(**{name: getattr(parameters, name) for name in RestToRest.__dataclass_fields__})
 
@@ -116,7 +116,7 @@ def cut_bag(
         BagError: The bag cannot be read, lacks a topic, or shows no person who stands still.
         SetupError: A setting does not fit the bag.
     """
-    from mild_core.learning.segmentation import cut_at_rest
+    from mild_core.learning.data.segmentation import cut_at_rest
 
     with open_bag(path, salvage=salvage) as bag:
         streams = read_streams(bag, name, settings, on_message)

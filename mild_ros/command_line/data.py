@@ -20,7 +20,7 @@ from mild_core.errors import DatasetError
 from mild_ros.command_line.console import Console
 
 if TYPE_CHECKING:
-    from mild_core.learning.recording import Recording
+    from mild_core.learning.data.recording import Recording
 
 MADE, MADE_FOR, MADE_TRIALS = "kinematic_", ("yumi", "pepper"), 16
 """Data sets that are made here, the robots that they are made for, and trials of each interaction in them."""
@@ -47,8 +47,8 @@ def data(
 
     None of them is part of this package: each has its own licence. Your own recordings: `mild demonstrations --help`.
     """
+    from mild_core.learning.data.recording import data_folder
     from mild_core.learning.datasets import DATASETS
-    from mild_core.learning.recording import data_folder
 
     console = Console(highlight=False)
     if not name:
@@ -81,9 +81,9 @@ def data(
 
 def _make(name: str, robot: str, console: Console) -> None:
     """Write a folder of made trials."""
-    from mild_core.learning.kinematic_people import kinematic_trials
-    from mild_core.learning.recording import data_folder
-    from mild_core.learning.trials import write_trials
+    from mild_core.learning.data.recording import data_folder
+    from mild_core.learning.data.trials import write_trials
+    from mild_core.learning.training.kinematic_people import kinematic_trials
     from mild_core.retargeting.robots import ROBOTS
 
     folder = data_folder() / name

@@ -12,6 +12,9 @@ import typer
 from mild_core.errors import SetupError, unknown_name
 from mild_ros.command_line.console import Console
 
+SCENES = ("hand_wave", "handshake", "parachute", "rocket")
+"""Bags that were generated for the live default model."""
+
 
 def demo(
     scene: Annotated[str, typer.Option(help="One of the bags that we ship.")] = "handshake",
@@ -34,20 +37,18 @@ def demo(
     from mild_core.resources import share_folder
     from mild_ros.assembly.arguments import check_parameters
     from mild_ros.assembly.perception import skeleton_source
-    from mild_ros.bag_camera import keep_camera, with_camera
-    from mild_ros.scenes import SCENES
-    from mild_ros.settings import PipelineParameters
-    from mild_ros.stillness import counts_of, has_moved, why_still
+    from mild_ros.assembly.settings import PipelineParameters
+    from mild_ros.bag.camera import keep_camera, with_camera
+    from mild_ros.viewing.stillness import counts_of, has_moved, why_still
 
-    scenes = sorted(each.name for each in SCENES)
-    if scene not in scenes:
-        raise unknown_name("scene", scene, scenes)
+    if scene not in SCENES:
+        raise unknown_name("scene", scene, SCENES)
     bag, console = share_folder("bags") / scene, Console()
     parameters = with_camera(PipelineParameters(model=model, interaction=interaction), bag)
     check_parameters(parameters)
     out.mkdir(parents=True, exist_ok=True)
     from mild_ros.command_line.results import leave, print_summary, run_with_progress
-    from mild_ros.demo import RunOptions
+    from mild_ros.replay.demo import RunOptions
 
     options = RunOptions(parameters)
     title = f"{scene.replace('_', ' ').capitalize()}: a person and a simulated YuMi"

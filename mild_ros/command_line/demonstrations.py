@@ -104,7 +104,7 @@ def demonstrations(
 def _settings(config: Path | None, given: dict[str, str]) -> DemonstrationSettings:
     """The settings of the file, under what the options say."""
     from mild_ros.demonstrations.settings import RobotParameters, read_settings
-    from mild_ros.parameters import from_values
+    from mild_ros.node_kit.parameters import from_values
 
     settings = read_settings(config)
     named = {name: given[name] for name in ("source", "topic") if given[name]}
@@ -129,7 +129,7 @@ def _cut_all(paths: list[Path], settings: DemonstrationSettings, salvage: bool) 
     """Every bag, behind a bar that counts messages."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from mild_ros.bags import open_bag
+    from mild_ros.bag.reader import open_bag
     from mild_ros.command_line.cutting import bag_names, cut_bag
     from mild_ros.demonstrations.streams import Streams, readers
 

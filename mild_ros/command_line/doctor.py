@@ -12,7 +12,7 @@ from rich.text import Text
 
 from mild_core.printable import printable_lines
 from mild_ros.command_line.console import Console
-from mild_ros.doctor import examinations
+from mild_ros.environment.doctor import examinations
 
 UNWELL = 1
 

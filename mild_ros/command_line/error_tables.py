@@ -13,9 +13,9 @@ from rich.table import Table
 from mild_ros.command_line.console import Console
 
 if TYPE_CHECKING:
-    from mild_core.learning.comparison import Relative, Row
-    from mild_core.learning.evaluation import Errors
-    from mild_core.learning.units import Unit
+    from mild_core.learning.data.units import Unit
+    from mild_core.learning.evaluation.comparison import Relative, Row
+    from mild_core.learning.evaluation.errors import Errors
 
 
 def errors_as_data(errors: Errors, unit: Unit) -> dict[str, Any]:

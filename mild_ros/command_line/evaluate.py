@@ -13,9 +13,9 @@ from mild_core.errors import SetupError, unknown_name
 
 if TYPE_CHECKING:
     from mild_core.inference.model import MildModel
-    from mild_core.learning.demonstration import Demonstration
-    from mild_core.learning.evaluation import TrialErrors
-    from mild_core.learning.windows import Protocol
+    from mild_core.learning.data.demonstration import Demonstration
+    from mild_core.learning.data.windows import Protocol
+    from mild_core.learning.evaluation.errors import TrialErrors
 
 RECOGNISED, STARTED, LIVE = "recognised", "started", "live"
 LABELS = ("given", RECOGNISED, STARTED, LIVE)
@@ -174,10 +174,10 @@ def _evaluate_model(
 ) -> None:
     """Print the errors of one model."""
     from mild_core.inference.model import load_model
+    from mild_core.learning.data.windows import protocol_named
     from mild_core.learning.datasets import recording_named
-    from mild_core.learning.evaluation import summarise
-    from mild_core.learning.model_predictor import require_fit
-    from mild_core.learning.windows import protocol_named
+    from mild_core.learning.evaluation.errors import summarise
+    from mild_core.learning.training.model_predictor import require_fit
     from mild_core.resources import model_folder
     from mild_ros.command_line.error_tables import errors_as_data, print_json, print_model
 
@@ -220,8 +220,8 @@ def _measure(
     """Errors of each trial, and the share of windows in which inference acted upon the right interaction."""
     from rich.progress import track
 
-    from mild_core.learning.evaluation import errors_of_trial
-    from mild_core.learning.model_predictor import AUTO, ModelPredictor
+    from mild_core.learning.evaluation.errors import errors_of_trial
+    from mild_core.learning.training.model_predictor import AUTO, ModelPredictor
     from mild_ros.command_line.console import Console
 
     predictor, right, windows = ModelPredictor(model, protocol), 0, 0

@@ -14,9 +14,10 @@ from rich.text import Text
 
 from mild_core.errors import SetupError, unknown_name
 from mild_ros.command_line.console import Console
+from mild_ros.command_line.measure import enter_checkout
 
 if TYPE_CHECKING:
-    from mild_ros.faults.trial import Outcome
+    from test.faults.trial import Outcome
 
 
 def faults(
@@ -38,9 +39,10 @@ def faults(
     Ends with exit code 2 where something was not survived.
     """
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"  # as for the nodes; read when ROS starts
-    from mild_ros.faults.page import page
-    from mild_ros.faults.table import FAULTS
-    from mild_ros.faults.trial import all_tried
+    enter_checkout("faults")
+    from test.faults.page import page
+    from test.faults.table import FAULTS
+    from test.faults.trial import all_tried
 
     for name in only or ():
         if name not in FAULTS:

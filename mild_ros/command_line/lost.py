@@ -7,8 +7,8 @@ from pathlib import Path
 
 from mild_core.errors import BagError
 from mild_core.perception.skeletons import SkeletonSource
-from mild_ros.bag_people import source_fault
-from mild_ros.bags import open_bag
+from mild_ros.bag.people import source_fault
+from mild_ros.bag.reader import open_bag
 from mild_ros.command_line.console import Console
 
 

@@ -16,9 +16,9 @@ import typer
 
 from mild_core.errors import MildError, SetupError
 from mild_core.printable import printable_lines
-from mild_ros.libraries import unusable
-from mild_ros.local_dds import OPTION, keep_to_this_machine
-from mild_ros.terminal import show_any_text
+from mild_ros.environment.local_dds import OPTION, keep_to_this_machine
+from mild_ros.node_kit.libraries import unusable
+from mild_ros.node_kit.terminal import show_any_text
 
 COMMANDS = {
     "demo": "Runs the whole system on a shipped bag with a simulated robot and shows the result.",

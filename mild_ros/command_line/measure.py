@@ -31,20 +31,27 @@ class Bench(Protocol):
     needs: str
 
 
-def benches(checkout: Path = CHECKOUT) -> Mapping[str, Bench]:
-    """The table of benches by name; afterwards their modules can be imported.
+def enter_checkout(command: str, checkout: Path = CHECKOUT) -> None:
+    """Make importable what lies beside the tests: `test.bench`, `test.faults`.
 
     Raises:
         SetupError: `checkout` has none: the package was installed without its tests.
     """
     if not (checkout / "test" / "bench" / "__init__.py").is_file():
         raise SetupError(
-            "measure",
-            f"{checkout} has no test/bench",
-            "benches are not installed: run `./mild measure` in a checkout",
+            command, f"{checkout} has no test/bench", f"tests are not installed: run `./mild {command}` in a checkout"
         )
     if sys.path[:1] != [str(checkout)]:
         sys.path.insert(0, str(checkout))  # first: Python has a package named test of its own
+
+
+def benches(checkout: Path = CHECKOUT) -> Mapping[str, Bench]:
+    """The table of benches by name; afterwards their modules can be imported.
+
+    Raises:
+        SetupError: `checkout` has none: the package was installed without its tests.
+    """
+    enter_checkout("measure", checkout)
     # By name and late: the shell never depends on tests.
     table: Mapping[str, Bench] = import_module("test.bench").BENCHES
     return table

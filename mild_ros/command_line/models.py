@@ -59,14 +59,14 @@ def models(
 
 def _summary(manifest: Manifest) -> dict[str, Any]:
     """All of a manifest, with the licence of its sources."""
-    from mild_core.learning.licences import licence_of, sources_of
+    from mild_core.learning.training.licences import licence_of, sources_of
 
     values: dict[str, Any] = json.loads(manifest.to_json())
     return {**values, "licence": licence_of(manifest), "sources": sources_of(manifest)}
 
 
 def _print_licences(manifests: dict[str, Manifest]) -> None:
-    from mild_core.learning.licences import licence_of, sources_of
+    from mild_core.learning.training.licences import licence_of, sources_of
 
     table = Table(title="what models learned from", title_justify="left")
     for column in ("model", "licence of its sources", "sources"):
@@ -100,7 +100,7 @@ def _print(manifests: dict[str, Manifest], folder: Path) -> None:
 
 def measured(manifest: Manifest, labels: str) -> str:
     """The macro error by cross-validation, for people."""
-    from mild_core.learning.units import UNITS
+    from mild_core.learning.data.units import UNITS
 
     table: dict[str, Any] = manifest.errors.get("cross_validation", {})
     for row in table.get("rows", []):

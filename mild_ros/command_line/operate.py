@@ -19,7 +19,7 @@ from mild_core.printable import printable, printable_lines
 from mild_ros.command_line.console import Console
 
 if TYPE_CHECKING:
-    from mild_ros.operator_client import NodeStatus
+    from mild_ros.command_line.operator_client import NodeStatus
 
 Namespace = Annotated[str, typer.Option(metavar="NAME", help="Only nodes in this namespace [default: all].")]
 
@@ -38,8 +38,8 @@ def status(
     Reads `/diagnostics` in the ROS domain of this terminal. Ends with exit code 1 where a node reports an error, and
     with 2 where no node reports at all.
     """
-    from mild_ros.operator_client import operator_client
-    from mild_ros.running import domain_id
+    from mild_ros.command_line.operator_client import operator_client
+    from mild_ros.node_kit.running import domain_id
 
     with operator_client() as client:
         found = client.statuses()
@@ -113,7 +113,7 @@ def label(
 
     Waits for a subscriber, such as `mild record`. Then: `mild demonstrations --label topic:/label`.
     """
-    from mild_ros.operator_client import operator_client
+    from mild_ros.command_line.operator_client import operator_client
 
     with operator_client() as client:
         listeners = client.say(topic, text)
@@ -121,7 +121,7 @@ def label(
 
 
 def _call(name: str, namespace: str, data: bool | None) -> None:
-    from mild_ros.operator_client import operator_client
+    from mild_ros.command_line.operator_client import operator_client
 
     begin_s = time.monotonic()
     with operator_client() as client:

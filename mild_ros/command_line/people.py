@@ -17,8 +17,8 @@ from mild_ros.command_line.console import Console
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mild_core.learning.recording import Recording
-    from mild_core.learning.strangers import Watched
+    from mild_core.learning.data.recording import Recording
+    from mild_core.learning.evaluation.strangers import Watched
     from mild_core.pipeline import Pipeline
     from mild_core.shapes import FloatArray
 
@@ -34,11 +34,11 @@ def evaluate_people(file: Path, model_name: str, interaction: str, json: bool, c
     from rich.progress import track
 
     from mild_core.inference.gesture_recogniser import SAME
-    from mild_core.learning.people import read_people
-    from mild_core.learning.strangers import apart, contact_of, meeting, summarise, watch
+    from mild_core.learning.data.people import read_people
+    from mild_core.learning.evaluation.strangers import apart, contact_of, meeting, summarise, watch
     from mild_ros.assembly.inference import load
     from mild_ros.assembly.pipeline import make_pipeline
-    from mild_ros.settings import PipelineParameters
+    from mild_ros.assembly.settings import PipelineParameters
 
     if interaction not in GIVEN:
         raise SetupError("--interaction", f"is '{interaction}'", f"give one of {', '.join(GIVEN)}")
@@ -88,8 +88,8 @@ def evaluate_strangers(seeds: int, json: bool) -> None:
         SetupError: There are fewer than two data sets here.
     """
     from mild_core.inference.stage import CERTAIN
-    from mild_core.learning.gestures import GestureSettings, arms_at_hand
-    from mild_core.learning.leave_set_out import leave_sets_out
+    from mild_core.learning.evaluation.leave_set_out import leave_sets_out
+    from mild_core.learning.training.gestures import GestureSettings, arms_at_hand
 
     arms, recordings = arms_at_hand()
     if len(recordings) < 2:
@@ -115,7 +115,7 @@ def _motion(recordings: Sequence[Recording]) -> dict[str, Any]:
     """By shipped model of a robot: how far from strangers' hands it sends the robot's."""
     from mild_core.inference.manifest_reading import read_manifest
     from mild_core.learning.datasets import DATASETS
-    from mild_core.learning.stranger_motion import measure_motion, strangers_to
+    from mild_core.learning.evaluation.stranger_motion import measure_motion, strangers_to
     from mild_core.resources import share_folder
     from mild_core.retargeting.robots import ROBOTS
     from mild_ros.assembly.inference import load

@@ -137,12 +137,12 @@ def filmstrip(
     """
     from mild_core.retargeting.robot_file import find_robot
     from mild_ros.assembly.perception import make_perception, manifest_of, skeleton_source
-    from mild_ros.bag_camera import with_camera
-    from mild_ros.parameter_files import read_parameters
-    from mild_ros.settings import PipelineParameters
+    from mild_ros.assembly.settings import PipelineParameters
+    from mild_ros.bag.camera import with_camera
+    from mild_ros.node_kit.parameter_files import read_parameters
+    from mild_ros.replay.recorded import read_run
     from mild_ros.viewing.filmstrip import draw_filmstrip
     from mild_ros.viewing.placing import main_interaction
-    from mild_ros.viewing.recorded import read_run
     from mild_ros.viewing.staging import stage
 
     named = {"model": model, "robot": robot, "source": source}

@@ -18,9 +18,9 @@ from mild_ros.viewing.figures.skeletons import Moment
 
 if TYPE_CHECKING:
     from mild_core.inference.motion_model import MildModel
-    from mild_core.learning.demonstration import Demonstration
-    from mild_core.learning.recording import Recording
-    from mild_core.learning.windows import Protocol
+    from mild_core.learning.data.demonstration import Demonstration
+    from mild_core.learning.data.recording import Recording
+    from mild_core.learning.data.windows import Protocol
 
 PARTNER_AT_M = (0.9, 0.37, 0.0)
 """Where a partner's right shoulder is drawn, seen from the person's: recordings of two people do not contain it. Face
@@ -45,7 +45,7 @@ def watched(name: str, data: Path | None, split: str, trial: int | None = None) 
     """
     from mild_core.inference.model import load_model
     from mild_core.learning.datasets import recording_named
-    from mild_core.learning.model_predictor import require_fit
+    from mild_core.learning.training.model_predictor import require_fit
     from mild_core.resources import model_folder
 
     model = load_model(model_folder(name))
@@ -66,7 +66,7 @@ def watched(name: str, data: Path | None, split: str, trial: int | None = None) 
 
 def latent_spaces(seen: ModelTrials) -> dict[str, dict[str, LatentSpace]]:
     """Tracks and components of both agents by interaction, of the model's first member."""
-    from mild_core.learning.latent_view import latent_track
+    from mild_core.learning.evaluation.latent_view import latent_track
 
     manifest, other = seen.model.manifest, "partner" if seen.recording.robot == "" else "robot"
     size = manifest.latent_size
@@ -85,8 +85,8 @@ def latent_spaces(seen: ModelTrials) -> dict[str, dict[str, LatentSpace]]:
 
 def errors_over_window(seen: ModelTrials) -> tuple[dict[str, FloatArray], FloatArray]:
     """(trials, W) mean squared error by interaction, and (W,) the time of each frame after the newest one seen."""
-    from mild_core.learning.model_predictor import ModelPredictor
-    from mild_core.learning.windows import cut
+    from mild_core.learning.data.windows import cut
+    from mild_core.learning.training.model_predictor import ModelPredictor
 
     predictor, found = ModelPredictor(seen.model, seen.protocol), dict[str, list[FloatArray]]()
     for trial in seen.trials:
@@ -100,7 +100,7 @@ def errors_over_window(seen: ModelTrials) -> tuple[dict[str, FloatArray], FloatA
 def motion_of(seen: ModelTrials) -> Motion:
     """The last frame of each window predicted for the one trial, beside what was recorded."""
     from mild_core.inference.stage import Inference
-    from mild_core.learning.windows import feature_windows, thin
+    from mild_core.learning.data.windows import feature_windows, thin
 
     (trial,), manifest, unit = seen.trials, seen.model.manifest, seen.recording.unit
     stage = Inference(seen.model, trial.interaction)
@@ -127,7 +127,7 @@ def motion_of(seen: ModelTrials) -> Motion:
 
 def moments_of(seen: ModelTrials, count: int) -> list[Moment]:
     """Moments spread over the one trial, both arms in the frame of the person's shoulder."""
-    from mild_core.learning.windows import thin
+    from mild_core.learning.data.windows import thin
 
     (trial,), motion = seen.trials, motion_of(seen)
     person = thin(trial, seen.protocol).observed_m
@@ -158,7 +158,7 @@ def _other_arm(seen: ModelTrials, controlled: FloatArray) -> FloatArray:
     if seen.recording.unit.squared == "m^2":
         facing: FloatArray = np.array(PARTNER_AT_M) + controlled * np.array([-1.0, -1.0, 1.0])
         return facing
-    from mild_core.retargeting.kinematics import read_tree
+    from mild_core.retargeting.robot_model.kinematics import read_tree
     from mild_core.retargeting.robots import ROBOTS
 
     robot, placement = ROBOTS[seen.recording.robot], seen.model.manifest.robot_from_human

@@ -15,8 +15,8 @@ from mild_ros.command_line import options
 from mild_ros.command_line.console import Console
 
 if TYPE_CHECKING:
-    from mild_ros.demo import RunOptions
-    from mild_ros.settings import PipelineParameters
+    from mild_ros.assembly.settings import PipelineParameters
+    from mild_ros.replay.demo import RunOptions
 
 
 def replay(
@@ -75,11 +75,11 @@ def replay(
     """
     from mild_ros.assembly.arguments import check_parameters
     from mild_ros.assembly.perception import skeleton_source
-    from mild_ros.bag_camera import keep_camera, with_camera
+    from mild_ros.assembly.settings import PipelineParameters
+    from mild_ros.bag.camera import keep_camera, with_camera
     from mild_ros.command_line.lost import check_source, report_lost
-    from mild_ros.parameter_files import read_parameters
-    from mild_ros.settings import PipelineParameters
-    from mild_ros.stillness import counts_of, has_moved, why_still
+    from mild_ros.node_kit.parameter_files import read_parameters
+    from mild_ros.viewing.stillness import counts_of, has_moved, why_still
 
     if (bag is None) == (not dataset):
         raise SetupError("replay", "nothing to do" if bag is None else "both a bag and a dataset", "give one of them")
@@ -95,7 +95,7 @@ def replay(
         report_lost(bag, salvage, console)
     # Only now, as it takes its time to load: what draws and simulates.
     from mild_ros.command_line.results import leave, print_summary, run_with_progress
-    from mild_ros.demo import RunOptions
+    from mild_ros.replay.demo import RunOptions
 
     folder = out or Path("out/replay") / (bag.resolve().stem if bag else f"{dataset}_{trial}")
     with tempfile.TemporaryDirectory(prefix="mild_trial_") as scratch:
@@ -131,9 +131,9 @@ def _write_trial(dataset: str, data: Path | None, trial: int, folder: Path, para
     from mild_core.learning.datasets import recording_named
     from mild_core.retargeting.robot_file import find_robot
     from mild_ros.assembly.perception import manifest_of
-    from mild_ros.bag_camera import camera_text, facing_camera, write_camera
+    from mild_ros.bag.camera import camera_text, facing_camera, write_camera
+    from mild_ros.replay.trial_bag import write_trial
     from mild_ros.simulation.person import Camera
-    from mild_ros.trial_bag import write_trial
 
     recording = recording_named(dataset, data)
     trials = recording.read(data or recording.default_path()).train
@@ -158,9 +158,9 @@ def _in_process(
     from mild_ros.assembly.inference import load
     from mild_ros.assembly.perception import skeleton_source
     from mild_ros.assembly.pipeline import make_pipeline
-    from mild_ros.controller_messages import ControllerMessages
-    from mild_ros.demo import RECORDED
-    from mild_ros.replay import Inputs, Step, replay_in_process
+    from mild_ros.commands.controller_messages import ControllerMessages
+    from mild_ros.replay.demo import RECORDED
+    from mild_ros.replay.in_process import Inputs, Step, replay_in_process
 
     parameters = asked.pipeline
     robot = find_robot(parameters.robot)

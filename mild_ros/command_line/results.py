@@ -19,12 +19,12 @@ from mild_core.retargeting.robot_file import find_robot
 from mild_core.shapes import FloatArray
 from mild_ros.assembly.perception import make_perception, manifest_of, skeleton_source
 from mild_ros.command_line.console import Console
-from mild_ros.demo import RunOptions, run_nodes
-from mild_ros.report import Report, make_report
+from mild_ros.replay.demo import RunOptions, run_nodes
+from mild_ros.replay.recorded import RecordedRun, read_run
 from mild_ros.viewing.filmstrip import draw_filmstrip
 from mild_ros.viewing.page import write_page
 from mild_ros.viewing.plots import draw_plots
-from mild_ros.viewing.recorded import RecordedRun, read_run
+from mild_ros.viewing.report import Report, make_report
 from mild_ros.viewing.staging import Staged, stage
 
 FILMSTRIP, PLOTS, PAGE, NUMBERS = "filmstrip.png", "plots.png", "page.html", "report.json"

@@ -11,9 +11,9 @@ from typing import Annotated
 import typer
 
 from mild_core.errors import SetupError, unknown_name
-from mild_ros.launching import LAUNCHES, read_arguments, run_launch
-from mild_ros.libraries import check_needed
-from mild_ros.processes import as_yaml
+from mild_ros.environment.processes import as_yaml
+from mild_ros.launching.table import LAUNCHES, read_arguments, run_launch
+from mild_ros.node_kit.libraries import check_needed
 
 NODES = {
     "pipeline": "all three stages in one process",
@@ -113,6 +113,6 @@ def _become(node: str, words: list[str]) -> None:
     """Become the node's process, so that signals and the exit code are its own."""
     check_needed()  # here, where it is one line
     try:
-        os.execv(sys.executable, [sys.executable, "-P", "-m", f"mild_ros.{node}_node", *words])
+        os.execv(sys.executable, [sys.executable, "-P", "-m", f"mild_ros.nodes.{node}_node", *words])
     except OSError as error:
         raise SetupError(f"node {node}", error.strerror or str(error), "run ./mild doctor") from error

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from mild_core.learning.comparison import Row
-    from mild_core.learning.run_time import RunTime
-    from mild_core.learning.unknown import Separation
+    from mild_core.learning.evaluation.comparison import Row
+    from mild_core.learning.evaluation.run_time import RunTime
+    from mild_core.learning.evaluation.unknown import Separation
 
 RECOGNITION_ADDS = ("recognition adds until 1 s after onset", "recognition adds later")
 """Growth of the error where the model has to recognise the interaction; a resting person shows nothing of it."""
@@ -25,7 +25,7 @@ def run_time_as_data(rows: Sequence[Row]) -> dict[str, Any]:
 
 
 def _data(run_time: RunTime) -> dict[str, Any]:
-    from mild_core.learning.uncertainty_calibration import LEVELS
+    from mild_core.learning.evaluation.uncertainty_calibration import LEVELS
 
     calibrations = run_time.calibrations
 
@@ -51,7 +51,7 @@ def _data(run_time: RunTime) -> dict[str, Any]:
 
 def run_time_cells(found: Mapping[str, Any], titles: Mapping[str, str]) -> list[list[str]]:
     """Header and a line per method: recognition, and how much the 90 % regions hold, jointly / one value at a time."""
-    from mild_core.learning.uncertainty_calibration import REGION
+    from mild_core.learning.evaluation.uncertainty_calibration import REGION
 
     lines: list[list[str]] = []
     for method, one in found.items():

@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from collections.abc import Generator
 
     from mild_core.inference.manifest import HumanPlacement
-    from mild_core.learning.checkpoint import Checkpoint
-    from mild_core.learning.configuration import Configuration
-    from mild_core.learning.demonstration import Demonstration
-    from mild_core.learning.recording import Recording
-    from mild_core.learning.settings import TrainingSettings
-    from mild_core.learning.trained import TrainedModel
-    from mild_core.learning.training import EpochReport
+    from mild_core.learning.data.demonstration import Demonstration
+    from mild_core.learning.data.recording import Recording
+    from mild_core.learning.training.algorithm import EpochReport
+    from mild_core.learning.training.checkpoint import Checkpoint
+    from mild_core.learning.training.configuration import Configuration
+    from mild_core.learning.training.settings import TrainingSettings
+    from mild_core.learning.training.trained import TrainedModel
 
 EXIT_INTERRUPTED = 130
 
@@ -135,10 +135,10 @@ def _learned(
     trials: tuple[Demonstration, ...], asked: Configuration, recording: Recording, out: Path
 ) -> tuple[TrainedModel, Checkpoint]:
     """The interactions that the trials show, learned from the beginning or from where it was interrupted."""
-    from mild_core.learning.checkpoint import FOLDER, Checkpoint, identity
-    from mild_core.learning.epoch_search import lengths
-    from mild_core.learning.training import train as train_model
-    from mild_core.learning.transfer import start_of
+    from mild_core.learning.training.algorithm import train as train_model
+    from mild_core.learning.training.checkpoint import FOLDER, Checkpoint, identity
+    from mild_core.learning.training.epoch_search import lengths
+    from mild_core.learning.training.transfer import start_of
 
     protocol, settings, start = recording.protocols[asked.protocol], asked.settings, start_of(asked)
     checkpoint = Checkpoint(out / FOLDER, identity(trials, protocol, settings, asked.seed, start))
@@ -150,7 +150,7 @@ def _learned(
 
 def _trials(recording: Recording, path: Path, asked: Configuration) -> tuple[Demonstration, ...]:
     """Those to learn from."""
-    from mild_core.learning.training import require_learnable
+    from mild_core.learning.training.algorithm import require_learnable
 
     trials = recording.read(path).train
     if len(trials) < LEAST_TRIALS:
@@ -164,7 +164,7 @@ def _asked(config: str, dataset: str, seed: int | None, others: dict[str, int]) 
 
     Of `others`, settings by name, 0 leaves what is configured.
     """
-    from mild_core.learning.configuration import configuration_for, configuration_names, read_configuration
+    from mild_core.learning.training.configuration import configuration_for, configuration_names, read_configuration
 
     asked = read_configuration(config or LIVE) if config or not dataset else configuration_for(dataset, "ahead")
     if asked is None:
@@ -247,10 +247,10 @@ def _write(
     import numpy as np
 
     from mild_core.inference.model import save_model
-    from mild_core.learning.card import cross_validation_entry, model_card
-    from mild_core.learning.evaluation import errors_of_trial, summarise
-    from mild_core.learning.export import ModelFacts, export
-    from mild_core.learning.licences import both
+    from mild_core.learning.evaluation.errors import errors_of_trial, summarise
+    from mild_core.learning.training.card import cross_validation_entry, model_card
+    from mild_core.learning.training.export import ModelFacts, export
+    from mild_core.learning.training.licences import both
 
     asked, recording = how
     if measured:
@@ -288,7 +288,7 @@ def _gestures(
         people: One of `PEOPLE`.
     """
     from mild_core.inference.gesture_recogniser import gesture_classes
-    from mild_core.learning.gestures import (
+    from mild_core.learning.training.gestures import (
         RECORDINGS,
         GestureSettings,
         arms_at_hand,
@@ -344,8 +344,8 @@ def _about(trained: TrainedModel, asked: Configuration, recording: Recording, tr
 
 def _placement(recording: Recording, trials: tuple[Demonstration, ...]) -> HumanPlacement:
     """Where the person stood: as the recording says, or fitted to where hands meet; else the default."""
-    from mild_core.learning.export import ORIGIN
-    from mild_core.learning.place_fit import fit_contact
+    from mild_core.learning.training.export import ORIGIN
+    from mild_core.learning.training.place_fit import fit_contact
     from mild_core.retargeting.robots import ROBOTS
 
     shown = {trial.interaction for trial in trials}

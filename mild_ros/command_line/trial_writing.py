@@ -13,8 +13,8 @@ import numpy as np
 
 from mild_core.inference.manifest import ControlledAgent, HumanPlacement, ObservedAgent
 from mild_core.perception.arm import with_bone_lengths
-from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.robot_file import find_robot
+from mild_core.retargeting.robot_model.robot import RobotModel
 from mild_core.shapes import FloatArray
 from mild_core.signals import ARM_JOINTS
 from mild_ros.assembly.perception import robot_from_camera
@@ -23,8 +23,8 @@ from mild_ros.demonstrations.settings import DemonstrationSettings
 from mild_ros.viewing.figures.segments import Curve, ShownMovement, colours_of, draw_segments
 
 if TYPE_CHECKING:
-    from mild_core.learning.demonstration import Demonstration
-    from mild_core.learning.trials import TrialEntry
+    from mild_core.learning.data.demonstration import Demonstration
+    from mild_core.learning.data.trials import TrialEntry
 
 FACING_RAD = math.pi
 """Of the person's forward axis in the robot's base frame, where hands meeting is all that is known."""
@@ -71,7 +71,7 @@ def write(cut: Sequence[CutBag], settings: DemonstrationSettings, out: Path, tes
     Raises:
         SetupError: Hands are said to meet in an interaction of which there is no trial.
     """
-    from mild_core.learning.trials import TrialEntry, Trials, write_trials
+    from mild_core.learning.data.trials import TrialEntry, Trials, write_trials
 
     robot = find_robot(settings.robot.robot) if settings.robot else None
     bones = [mean_bones_m(cut, place) for place in range(1 if robot else 2)]
@@ -110,7 +110,7 @@ def _demonstration(
     robot: RobotModel | None,
 ) -> Demonstration:
     """A trial as it will be read: every arm from its own shoulder, with the bones of them all."""
-    from mild_core.learning.demonstration import Demonstration
+    from mild_core.learning.data.demonstration import Demonstration
 
     frames = slice(one.segment.begin, one.segment.end)
     others = bag.others[frames]
@@ -146,7 +146,7 @@ def _placement(
     Raises:
         SetupError: There is no trial in which hands meet, or `robot_from_camera` is no pose.
     """
-    from mild_core.learning.place_fit import fit_contact
+    from mild_core.learning.training.place_fit import fit_contact
 
     pose = robot_from_camera(settings.person.robot_from_camera)
     if pose is not None:

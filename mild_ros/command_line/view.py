@@ -33,10 +33,10 @@ def view(
     """
     from mild_core.retargeting.robot_file import find_robot
     from mild_ros.assembly.perception import manifest_of, skeleton_source
-    from mild_ros.bag_camera import with_camera
+    from mild_ros.assembly.settings import PipelineParameters
+    from mild_ros.bag.camera import with_camera
     from mild_ros.command_line.lost import check_source, report_lost
-    from mild_ros.parameter_files import read_parameters
-    from mild_ros.settings import PipelineParameters
+    from mild_ros.node_kit.parameter_files import read_parameters
 
     parameters = read_parameters(PipelineParameters, "pipeline", config, given or (), model=model, source=source)
     parameters = with_camera(parameters, bag, given or ())
@@ -48,7 +48,7 @@ def view(
     folder.mkdir(parents=True, exist_ok=True)
     # Only now, as it takes its time to load: what draws.
     from mild_ros.command_line.results import PAGE, leave, print_summary
-    from mild_ros.demo import RunOptions
+    from mild_ros.replay.demo import RunOptions
 
     options = RunOptions(parameters, salvage=salvage)
     print_summary(leave(bag, folder, options, bag.resolve().name, console), str(bag), console)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.robot_model.robot import RobotModel
 from mild_core.retargeting.trajectory_stream import Trajectory
 from mild_core.signals import JointCommand
 

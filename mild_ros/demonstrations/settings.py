@@ -27,9 +27,9 @@ from typing import Any
 
 from mild_core.budgets import SETTINGS_BYTES, parse_toml, read_file
 from mild_core.errors import SetupError, unknown_name
+from mild_ros.assembly.settings import PerceptionParameters
 from mild_ros.demonstrations.labels import BagLabels, bag_labels
-from mild_ros.parameters import from_values, parameter
-from mild_ros.settings import PerceptionParameters
+from mild_ros.node_kit.parameters import from_values, parameter
 
 REMEDY = "see mild demonstrations --help"
 SAME = "same"
@@ -54,7 +54,7 @@ class RobotParameters:
 
 @dataclass(frozen=True)
 class CutParameters:
-    """How a bag is cut. Speeds and spans are described in `mild_core.learning.segmentation.RestToRest`."""
+    """How a bag is cut. Speeds and spans are described in `mild_core.learning.data.segmentation.RestToRest`."""
 
     rate_hz: float = parameter(30.0, "Frames of a trial per second.", unit="Hz", minimum=5.0, maximum=200.0)
     clock: str = parameter(

@@ -14,14 +14,14 @@ import numpy as np
 from mild_core.errors import DataError
 from mild_core.signals import JointMeasurement
 from mild_ros.assembly.perception import skeleton_source
-from mild_ros.bag_budgets import OverBudgetError, TimeBudget
-from mild_ros.bag_people import skeleton_feeds
-from mild_ros.bags import BagReader, topic_of_type
+from mild_ros.bag.budgets import OverBudgetError, TimeBudget
+from mild_ros.bag.people import skeleton_feeds
+from mild_ros.bag.reader import BagReader, topic_of_type
 from mild_ros.demonstrations.labels import LABEL_TYPE, TOPIC
 from mild_ros.demonstrations.settings import SAME, DemonstrationSettings, PersonParameters
 from mild_ros.messages.joint_by_joint import People
 from mild_ros.messages.stamps import ns_from_msg
-from mild_ros.replay import JOINT_STATE_TYPE
+from mild_ros.replay.in_process import JOINT_STATE_TYPE
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from mild_core.perception.stage import Perception
 from mild_core.shapes import FloatArray
 from mild_core.signals import ARM_JOINTS, JointMeasurement
 from mild_ros.assembly.perception import skeleton_source
-from mild_ros.bag_clock import Clock
+from mild_ros.bag.tracker_clock import Clock
 from mild_ros.demonstrations.settings import PersonParameters
 from mild_ros.messages.joint_by_joint import People
 

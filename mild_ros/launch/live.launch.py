@@ -4,12 +4,12 @@
 ros2 launch mild_ros live.launch.py skeleton:=/k4a/body_tracking_data config:=yumi_abb
 ros2 launch mild_ros live.launch.py namespace:=left skeleton:=/camera_left/bodies joint_states:=/yumi_l/joint_states
 
-Without `ros2 launch`: ./mild launch live with the same arguments. What they are stands in mild_ros/launching.py.
+Without `ros2 launch`: ./mild launch live with the same arguments. See mild_ros/launching/table.py.
 """
 
 from launch import LaunchDescription
 
-from mild_ros.launch_description import describe
+from mild_ros.launching.description import describe
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -4,12 +4,12 @@
 ros2 launch mild_ros replay.launch.py bag:=bags/handshake
 ros2 launch mild_ros replay.launch.py bag:=old.bag skeleton_topic:=/bodies rate:=0.5 record:=what_happened
 
-Without `ros2 launch`: ./mild launch replay with the same arguments. What they are stands in mild_ros/launching.py.
+Without `ros2 launch`: ./mild launch replay with the same arguments. See mild_ros/launching/table.py.
 """
 
 from launch import LaunchDescription
 
-from mild_ros.launch_description import describe
+from mild_ros.launching.description import describe
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -3,12 +3,12 @@
 
 ros2 launch mild_ros simulation.launch.py skeleton:=/k4a/body_tracking_data gui:=true
 
-Without `ros2 launch`: ./mild launch simulation with the same arguments. What they are stands in mild_ros/launching.py.
+Without `ros2 launch`: ./mild launch simulation with the same arguments. See mild_ros/launching/table.py.
 """
 
 from launch import LaunchDescription
 
-from mild_ros.launch_description import describe
+from mild_ros.launching.description import describe
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -10,11 +10,11 @@ from typing import Any
 from mild_core.errors import SetupError
 from mild_core.perception.skeletons import SkeletonSource
 from mild_core.signals import SkeletonFrame
-from mild_ros.message_types import required_message_class
 from mild_ros.messages import joint_poses, transforms
 from mild_ros.messages.feeds import SKELETON_TOPIC, Feed
 from mild_ros.messages.landmark_array import people_from_landmark_array
 from mild_ros.messages.marker_array import people_from_marker_array
+from mild_ros.messages.message_types import required_message_class
 from mild_ros.messages.pose_array import people_from_pose_array
 from mild_ros.messages.skeleton_cloud import people_from_skeleton_cloud
 from mild_ros.messages.yolo_detections import people_from_yolo_detections

@@ -25,9 +25,9 @@ def standard_message(type_name: str) -> Any:
 
 def _stand_in(type_name: str) -> type[Any]:
     """A class with the fields and constants of a message, every field given by name or zero."""
-    from mild_ros.bags import jazzy_types  # here: nodes have ROS, and do not wait for rosbags
+    from rosbags.typesys import Stores, get_typestore  # here: nodes have ROS, and do not wait for rosbags
 
-    constants, fields = jazzy_types().fielddefs[type_name]
+    constants, fields = get_typestore(Stores.ROS2_JAZZY).fielddefs[type_name]
 
     def start(self: Any, **given: Any) -> None:
         for field, definition in fields:

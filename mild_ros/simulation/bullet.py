@@ -19,14 +19,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from mild_core.errors import SetupError
 from mild_core.printable import printable_lines
-from mild_core.retargeting.capsules import TABLE_AT_M, TABLE_M, table_of
-from mild_core.retargeting.kinematics import KinematicTree, read_tree
-from mild_core.retargeting.robot import RobotModel
-from mild_core.retargeting.urdf import FIXED
+from mild_core.retargeting.robot_model.capsules import TABLE_AT_M, TABLE_M, table_of
+from mild_core.retargeting.robot_model.kinematics import KinematicTree, read_tree
+from mild_core.retargeting.robot_model.robot import RobotModel
+from mild_core.retargeting.robot_model.urdf import FIXED
 from mild_core.signals import JointCommand, JointMeasurement
-from mild_ros.assembly.trial_load import survivable, try_window
 from mild_ros.simulation.backend import RenderCamera, SimulatedScene
 from mild_ros.simulation.quiet import quiet_terminal
+from mild_ros.simulation.trial_load import survivable, try_window
 
 PHYSICS_RATE_HZ = 240
 """PyBullet's own default; its motors are tuned for it."""

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.robot_model.robot import RobotModel
 from mild_core.shapes import FloatArray
 from mild_core.signals import OFFERED, RESTING
 from mild_ros.viewing.body import body_parts
-from mild_ros.viewing.figures.style import PAGE_IN
 from mild_ros.viewing.plots import INK
 from mild_ros.viewing.renderer import Viewpoint, open_renderer
 from mild_ros.viewing.staging import Staged
+from mild_ros.viewing.style import PAGE_IN
 
 MOMENTS = 6
 PANEL_WIDTH = 600

@@ -13,12 +13,12 @@ import numpy as np
 import viser
 import yourdfpy
 
-from mild_core.retargeting.capsules import TABLE_AT_M, TABLE_M, table_of
-from mild_core.retargeting.kinematics import forward_kinematics
-from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.robot_model.capsules import TABLE_AT_M, TABLE_M, table_of
+from mild_core.retargeting.robot_model.kinematics import forward_kinematics
+from mild_core.retargeting.robot_model.robot import RobotModel
 from mild_core.shapes import FloatArray
-from mild_ros.assembly.trial_load import survivable
 from mild_ros.simulation.quiet import quiet_terminal
+from mild_ros.simulation.trial_load import survivable
 from mild_ros.viewing.body import BodyPart, body_parts
 from mild_ros.viewing.filmstrip import caption
 from mild_ros.viewing.renderer import quaternion

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 
 from mild_core.shapes import FloatArray
 from mild_core.signals import MotionWindow
-from mild_ros.report import Report
-from mild_ros.viewing.recorded import JointTrack, RecordedRun
+from mild_ros.replay.recorded import JointTrack, RecordedRun
+from mild_ros.viewing.report import Report
 
 BLUE, ORANGE, GREEN, VERMILION, SKY, PURPLE, YELLOW, BLACK = (
     *("#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7", "#F0E442", "#000000"),

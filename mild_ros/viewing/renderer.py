@@ -11,14 +11,14 @@ from types import ModuleType
 import numpy as np
 from PIL import Image
 
-from mild_core.retargeting.capsules import TABLE_AT_M, TABLE_M, table_of
-from mild_core.retargeting.kinematics import read_tree
-from mild_core.retargeting.robot import RobotModel
-from mild_core.retargeting.urdf import FIXED
+from mild_core.retargeting.robot_model.capsules import TABLE_AT_M, TABLE_M, table_of
+from mild_core.retargeting.robot_model.kinematics import read_tree
+from mild_core.retargeting.robot_model.robot import RobotModel
+from mild_core.retargeting.robot_model.urdf import FIXED
 from mild_core.shapes import FloatArray
-from mild_ros.assembly.trial_load import survivable
 from mild_ros.simulation.bullet import load_pybullet
 from mild_ros.simulation.quiet import quiet_terminal
+from mild_ros.simulation.trial_load import survivable
 from mild_ros.viewing.body import BodyPart, Places
 
 OVERSAMPLING = 2

@@ -10,10 +10,11 @@ import numpy as np
 from mild_core.errors import BagError
 from mild_core.inference.manifest import Manifest
 from mild_core.perception.stage import Perception
-from mild_core.retargeting.kinematics import forward_kinematics
-from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.robot_model.kinematics import forward_kinematics
+from mild_core.retargeting.robot_model.robot import RobotModel
 from mild_core.shapes import FloatArray
 from mild_core.signals import MotionWindow
+from mild_ros.replay.recorded import JointTrack, RecordedRun
 from mild_ros.viewing.body import Places
 from mild_ros.viewing.placing import (
     find_calibration,
@@ -23,7 +24,6 @@ from mild_ros.viewing.placing import (
     place_person,
     stood_on,
 )
-from mild_ros.viewing.recorded import JointTrack, RecordedRun
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
-from mild_ros.faults.broken_bags import COUNT, opened, write_foreign, write_ours, write_ros1
+from test.faults.broken_bags import COUNT, opened, write_foreign, write_ours, write_ros1
 
 PATIENCE_S = 20
 """Reading one of these takes hundredths of a second; a busy machine may pause."""

@@ -43,7 +43,7 @@ from mild_ros.messages.marker_array import people_to_marker_array
 from mild_ros.messages.pose_array import person_to_pose_array
 from mild_ros.messages.skeletons import ADAPTERS
 from mild_ros.messages.stamps import NANOSECONDS_PER_SECOND, ns_from_msg
-from mild_ros.quality_of_service import COMMAND, HANDLED, SENSOR
+from mild_ros.node_kit.quality_of_service import COMMAND, HANDLED, SENSOR
 from mild_ros.simulation.person import BODY_JOINTS, bodies, skeleton_frames, with_neutral_second
 from test.core.inference.random_model import manifest, paper_member, random_arrays
 
@@ -131,7 +131,7 @@ def measure(source: str, folder: Path, rate_hz: float, seconds: float) -> dict[s
     listener = Listener()
     tracking = ("--track", source, str(folder / "golden.npz"), "--rate", str(rate_hz), "--seconds", str(seconds))
     try:
-        with process("mild_ros.pipeline_node", "--ros-args", *words):
+        with process("mild_ros.nodes.pipeline_node", "--ros-args", *words):
             listener.start_robot()
             with process("test.bench.command_age", *tracking) as tracker:
                 listener.listen_while(lambda: tracker.poll() is None)

@@ -37,13 +37,13 @@ from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
 from mild_core.signals import JointMeasurement
-from mild_ros.faults.encoded_people import EncodedPeople
-from mild_ros.faults.fault_bench import ROBOT, FaultBench
-from mild_ros.faults.people import SimulatedPerson
+from mild_ros.environment.processes import Nodes, private_domain
 from mild_ros.messages.joint_state import joint_measurement_to_msg
-from mild_ros.priorities import in_real_time
-from mild_ros.processes import Nodes, private_domain
-from mild_ros.quality_of_service import STATE
+from mild_ros.node_kit.priorities import in_real_time
+from mild_ros.node_kit.quality_of_service import STATE
+from test.faults.encoded_people import EncodedPeople
+from test.faults.fault_bench import ROBOT, FaultBench
+from test.faults.people import SimulatedPerson
 
 ROOT = Path(__file__).parents[2]
 NODES = {"pipeline": ("pipeline",), "three": ("perception", "inference", "retargeting")}

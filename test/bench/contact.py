@@ -17,22 +17,22 @@ from pathlib import Path
 import numpy as np
 
 from mild_core.learning.datasets.buetepage_hr import BUETEPAGE_HR
-from mild_core.learning.place_fit import hand_of, touching
+from mild_core.learning.training.place_fit import hand_of, touching
 from mild_core.perception.stage import Perception
 from mild_core.pipeline import Pipeline
-from mild_core.retargeting.chain import chain_of
 from mild_core.retargeting.human_track import AssumedPlacement, Point
-from mild_core.retargeting.inverse_kinematics import InverseKinematics, Reach
+from mild_core.retargeting.robot_model.chain import chain_of
+from mild_core.retargeting.robot_model.inverse_kinematics import InverseKinematics, Reach
 from mild_core.retargeting.robots import ROBOTS
 from mild_core.retargeting.stage import Retargeting
 from mild_core.shapes import FloatArray
 from mild_core.signals import ARM_FRAME, JointCommand, JointMeasurement, MotionWindow, PersonPose
 from mild_ros.assembly.inference import load
 from mild_ros.assembly.pipeline import make_pipeline
-from mild_ros.scenes import RATE_HZ, SCENES, arm_track
-from mild_ros.settings import PipelineParameters
+from mild_ros.assembly.settings import PipelineParameters
 from mild_ros.simulation.bullet import BulletRobot
 from mild_ros.simulation.person import Camera, bodies, skeleton_frames, with_neutral_second
+from tools.scenes import RATE_HZ, SCENES, arm_track
 
 TICK_NS = 10_000_000
 START_NS = 1_700_000_000_000_000_000

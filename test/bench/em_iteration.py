@@ -18,12 +18,12 @@ import torch
 from mild_core.inference.priors import HSMM
 from mild_core.inference.priors.demonstrations import latent_frames, log_emissions
 from mild_core.inference.priors.prior import FitSettings
-from mild_core.learning.configuration import Configuration, read_configuration
+from mild_core.learning.data.demonstration import Demonstration
+from mild_core.learning.data.windows import Protocol
 from mild_core.learning.datasets import recording_named
-from mild_core.learning.demonstration import Demonstration
-from mild_core.learning.learned_model import learn
-from mild_core.learning.training import train
-from mild_core.learning.windows import Protocol
+from mild_core.learning.training.algorithm import train
+from mild_core.learning.training.configuration import Configuration, read_configuration
+from mild_core.learning.training.learned_model import learn
 
 DEMONSTRATIONS, FRAMES, LATENT, COMPONENTS, LONGEST = 38, 600, 10, 10, 100
 MORE = 10

@@ -36,11 +36,11 @@ from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from mild_ros.bag_writer import create_bag
-from mild_ros.bags import jazzy_types
-from mild_ros.encoding import encode
-from mild_ros.faults.broken_bags import STRING
-from mild_ros.processes import PYTHON
+from mild_ros.bag.encoding import encode
+from mild_ros.bag.reader import jazzy_types
+from mild_ros.bag.writer import create_bag
+from mild_ros.environment.processes import PYTHON
+from test.faults.broken_bags import STRING
 from test.habits.tree import ROOT
 from test.ros.foreign_messages import foreign, foreign_types
 
@@ -332,7 +332,7 @@ def _times(*times_ns: int) -> Callable[[Path], None]:
     """The first messages of the shipped handshake, at other times."""
 
     def write(bag: Path) -> None:
-        from mild_ros.bags import open_bag
+        from mild_ros.bag.reader import open_bag
 
         with open_bag(ROOT / "bags" / "handshake") as given, create_bag(bag) as writer:
             people = [topic for topic in given.topics if "JointState" not in given.topics[topic].type_name]

@@ -16,15 +16,15 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from mild_core.retargeting.chain import chain_of
+from mild_core.retargeting.robot_model.chain import chain_of
 from mild_core.retargeting.robots.pepper import FLOOR_M, PEPPER
 from mild_core.shapes import FloatArray
 from mild_core.signals import JointCommand, MotionWindow
+from mild_ros.replay.recorded import JointTrack
 from mild_ros.simulation.person import BODY_JOINTS, SHOULDER_HEIGHT_M, bodies
 from mild_ros.viewing.body import Places, body_parts
 from mild_ros.viewing.page import FRAMES_PER_SECOND, write_page
 from mild_ros.viewing.placing import stood_on
-from mild_ros.viewing.recorded import JointTrack
 from mild_ros.viewing.renderer import Viewpoint, open_renderer
 from mild_ros.viewing.staging import Staged
 from test.core.retargeting.offering import RAISING_S, Offer, answered, learned_hand

@@ -17,7 +17,7 @@ from mild_core.errors import SetupError
 from mild_core.perception.skeletons import SOURCES
 from mild_core.perception.stage import Perception, PerceptionSettings
 from mild_core.signals import SkeletonFrame
-from mild_ros.bags import open_bag
+from mild_ros.bag.reader import open_bag
 from mild_ros.messages.skeletons import people_from_msg
 from test.core.perception import nuitrack_raw
 

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.robot_file import find_robot
+from mild_core.retargeting.robot_model.robot import RobotModel
 from mild_core.retargeting.stage import Retargeting, RetargetingInput
 from mild_core.shapes import FloatArray
 from test.core.retargeting.offering import HIGH, LOW, STANDING, Arms, Offer, learned_hand

@@ -25,12 +25,12 @@ from mild_core.retargeting.robots import ROBOTS
 from mild_core.signals import JointMeasurement, SkeletonFrame
 from mild_ros.assembly.inference import load
 from mild_ros.assembly.pipeline import make_pipeline
-from mild_ros.faults import people
-from mild_ros.faults.judge import Command, problems
-from mild_ros.faults.table import FAULTS, Fault
-from mild_ros.scenes import RATE_HZ, SCENES, arm_track
-from mild_ros.settings import PipelineParameters
+from mild_ros.assembly.settings import PipelineParameters
 from mild_ros.simulation.person import ArmLengths, bodies, skeleton_frames, with_neutral_second
+from test.faults import people
+from test.faults.judge import Command, problems
+from test.faults.table import FAULTS, Fault
+from tools.scenes import RATE_HZ, SCENES, arm_track
 
 ROBOT = ROBOTS["yumi"]
 START_NS, TICK_NS, REPORT_NS = 1_700_000_000_000_000_000, 10_000_000, 20_000_000
@@ -157,8 +157,8 @@ def _played(pipeline: Pipeline, state: PipelineState, act: Act) -> tuple[Pipelin
 
 def _really_soaked(minutes: float, seed: int) -> int:
     """Random faults happen to real nodes in real time; what was wrong is printed, its number is returned."""
-    from mild_ros.faults.trial import running_room, tried
-    from mild_ros.processes import private_domain
+    from mild_ros.environment.processes import private_domain
+    from test.faults.trial import running_room, tried
 
     rng, wrong, end_s = np.random.default_rng(seed), 0, time.monotonic() + 60.0 * minutes
     with private_domain() as domain, running_room(True, Path(tempfile.mkdtemp()), domain) as room:

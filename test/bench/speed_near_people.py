@@ -34,9 +34,9 @@ import pinocchio  # type: ignore[import-untyped]
 from mild_core.compiled import compiled
 from mild_core.errors import SetupError
 from mild_core.retargeting.human_track import AssumedPlacement
+from mild_core.retargeting.robot_model.urdf import read_solids
 from mild_core.retargeting.robots.yumi import YUMI
 from mild_core.retargeting.stage import Retargeting, RetargetingSettings
-from mild_core.retargeting.urdf import read_solids
 from mild_core.shapes import FloatArray
 from mild_core.signals import JointCommand, PersonPose
 from test.bench.braking import SHARE, braking_joints

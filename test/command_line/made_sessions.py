@@ -14,12 +14,12 @@ from mild_core.perception.skeletons import SOURCES
 from mild_core.retargeting.robots import ROBOTS
 from mild_core.shapes import FloatArray
 from mild_core.signals import JointMeasurement, SkeletonFrame
-from mild_ros.bag_writer import BagWriter, create_bag
-from mild_ros.encoding import encode, type_name_of
+from mild_ros.bag.encoding import encode, type_name_of
+from mild_ros.bag.writer import BagWriter, create_bag
 from mild_ros.messages.joint_state import joint_measurement_to_msg
 from mild_ros.messages.pose_array import person_to_pose_array
-from mild_ros.scenes import SCENES, ArmPose, Scene, arm_track
 from mild_ros.simulation.person import BODY_JOINTS, Camera, bodies, skeleton_frames
+from tools.scenes import SCENES, ArmPose, Scene, arm_track
 
 JOINTS = ("right_shoulder", "right_elbow", "right_hand", "left_shoulder", "pelvis", "head")
 """In the order of the tracker's poses."""

@@ -13,7 +13,7 @@ import pytest
 
 from mild_core.errors import SetupError
 from mild_ros.assembly.arguments import check_parameters
-from mild_ros.settings import PipelineParameters
+from mild_ros.assembly.settings import PipelineParameters
 from test.habits.tree import ROOT
 
 BAG = str(ROOT / "bags" / "handshake")

@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from mild_core.learning import datasets
+from mild_core.learning.data.recording import Demonstrations, Download
 from mild_core.learning.datasets import DATASETS, NUISI
-from mild_core.learning.recording import Demonstrations, Download
 from mild_ros.command_line.main import main
 
 CONTENT = b"trials" * 50_000
@@ -94,5 +94,5 @@ def test_what_is_not_whole_and_right_is_not_kept(
 def test_without_a_setting_the_folder_is_the_users_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("MILD_DATA", raising=False)
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
-    monkeypatch.setattr("mild_core.learning.recording.__file__", str(tmp_path / "a" / "b" / "c" / "d.py"))
+    monkeypatch.setattr("mild_core.learning.data.recording.__file__", str(tmp_path / "a" / "b" / "c" / "d" / "e.py"))
     assert NUISI.default_path() == tmp_path / "mild_ros" / "data" / "nuisi" / "traj_data.npz"

@@ -10,7 +10,7 @@ import pytest
 
 from mild_core.errors import SetupError
 from mild_core.signals import JointMeasurement
-from mild_ros.bag_clock import Clock, judge_clock
+from mild_ros.bag.tracker_clock import Clock, judge_clock
 from mild_ros.command_line.cutting import bag_names
 from mild_ros.demonstrations.labels import (
     UNLABELLED,

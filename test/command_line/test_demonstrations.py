@@ -18,14 +18,14 @@ from PIL import Image
 
 from mild_core.inference.model import load_model
 from mild_core.learning.baselines import BASELINES
-from mild_core.learning.cross_validation import jobs_of, run_job
 from mild_core.learning.datasets import recording_named
-from mild_core.learning.evaluation import errors_of_trial, summarise
-from mild_core.learning.model_predictor import ModelPredictor
+from mild_core.learning.evaluation.cross_validation import jobs_of, run_job
+from mild_core.learning.evaluation.errors import errors_of_trial, summarise
+from mild_core.learning.training.model_predictor import ModelPredictor
 from mild_core.perception.skeletons import SOURCES
 from mild_core.shapes import FloatArray
-from mild_ros.bag_writer import create_bag
-from mild_ros.encoding import encode, type_name_of
+from mild_ros.bag.encoding import encode, type_name_of
+from mild_ros.bag.writer import create_bag
 from mild_ros.messages.marker_array import people_to_marker_array
 from mild_ros.simulation.person import SWAY_M, Camera, looking_at
 from test.command_line.made_sessions import (

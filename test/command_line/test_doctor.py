@@ -20,8 +20,9 @@ from sensor_msgs.msg import JointState
 
 from mild_core import resources
 from mild_core.resources import share_folder
-from mild_ros import doctor, libraries, local_dds
-from mild_ros.dds_variables import VARIABLES
+from mild_ros.environment import doctor, local_dds
+from mild_ros.environment.dds_variables import VARIABLES
+from mild_ros.node_kit import libraries
 from test.ros.processes import Probe
 
 
@@ -233,7 +234,7 @@ def init(**given):
     os.write(1, b"[RTPS_TRANSPORT_SHM Error] Failed init_port fastrtps_port7413: open_and_lock_file failed")
     real(**given)
 rclpy.init = init
-from mild_ros.discovery_probe import main
+from mild_ros.environment.discovery_probe import main
 main(sys.argv[3:])
 """
 
@@ -262,7 +263,7 @@ def test_a_node_that_is_seen_and_not_heard_is_found_by_name(ros_domain: int) -> 
 
 def start_simulation(log: Path, *before: str) -> subprocess.Popen[bytes]:
     """A simulated robot that is ready, started by the words `before`."""
-    command = [*before, sys.executable, "-P", "-m", "mild_ros.simulation_node"]
+    command = [*before, sys.executable, "-P", "-m", "mild_ros.nodes.simulation_node"]
     with log.open("wb") as output:
         process = subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT)
     deadline = time.monotonic() + 120

@@ -14,8 +14,8 @@ import pytest
 from mild_core import resources
 from mild_core.errors import SetupError
 from mild_core.resources import model_folder, share_folder
-from mild_ros.message_types import interface_class, message_class
-from mild_ros.processes import PYTHON, Nodes
+from mild_ros.environment.processes import PYTHON, Nodes
+from mild_ros.messages.message_types import interface_class, message_class
 from test.habits.tree import ROOT, plant
 
 MODULES = (
@@ -108,7 +108,7 @@ def test_a_package_of_the_current_folder_hides_no_installed_one(hostile: Path) -
     """In a Python of its own: here `std_msgs` is imported already."""
     for hidden_by, found in ((None, "String"), ("", "None"), (str(hostile), "None")):
         program = (
-            f"from mild_ros.message_types import message_class; import sys; first = {hidden_by!r}\n"
+            f"from mild_ros.messages.message_types import message_class; import sys; first = {hidden_by!r}\n"
             "sys.path[:0] = [] if first is None else [first]\n"
             "print(getattr(message_class('std_msgs/msg/String'), '__name__', None))"
         )

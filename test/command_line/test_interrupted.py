@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from mild_ros.bags import open_bag
+from mild_ros.bag.reader import open_bag
 from test.conftest import MARK, ROOT, processes_left
 from test.replay.processes import wait_until
 

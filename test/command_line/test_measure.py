@@ -75,7 +75,7 @@ def test_an_unknown_bench_is_one_line_with_the_nearest(capsys: pytest.CaptureFix
 
 
 def test_an_installed_package_has_none_and_says_so(tmp_path: Path) -> None:
-    with pytest.raises(SetupError, match="benches are not installed: run `"):
+    with pytest.raises(SetupError, match="tests are not installed: run `"):
         benches(tmp_path)
 
 

@@ -14,12 +14,12 @@ from pathlib import Path
 import pytest
 
 from mild_core.errors import SetupError
-from mild_ros.bags import open_bag
+from mild_ros.bag.reader import open_bag
 from mild_ros.command_line.main import main
+from mild_ros.command_line.operator_client import meant
 from mild_ros.command_line.run import NODES
-from mild_ros.operator_client import meant
-from mild_ros.processes import private_domain
-from mild_ros.running import check_words
+from mild_ros.environment.processes import private_domain
+from mild_ros.node_kit.running import check_words
 
 ROOT = Path(__file__).parents[2]
 PATIENCE_S = 60.0

@@ -9,10 +9,10 @@ import pytest
 from PIL import Image
 
 from mild_core.inference.model import load_model
-from mild_core.learning.baseline import RECOGNISED, STARTED, UNKNOWN
-from mild_core.learning.evaluation import errors_of_trial
-from mild_core.learning.latent_view import latent_track
-from mild_core.learning.model_predictor import ModelPredictor
+from mild_core.learning.data.baseline import RECOGNISED, STARTED, UNKNOWN
+from mild_core.learning.evaluation.errors import errors_of_trial
+from mild_core.learning.evaluation.latent_view import latent_track
+from mild_core.learning.training.model_predictor import ModelPredictor
 from mild_ros.command_line.plot_data import errors_over_window, motion_of, watched
 from test.command_line.test_main import run
 from test.command_line.test_train import smooth_track

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from mild_core.errors import SetupError
-from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.robot_model.robot import RobotModel
 from mild_core.retargeting.robots.yumi import YUMI
-from mild_ros.bags import open_bag
+from mild_ros.assembly.settings import PipelineParameters
+from mild_ros.bag.reader import open_bag
 from mild_ros.command_line.main import main
-from mild_ros.parameter_files import changed, read_parameters
-from mild_ros.settings import PipelineParameters
-from mild_ros.trial_bag import NEUTRAL_S, write_trial
+from mild_ros.node_kit.parameter_files import changed, read_parameters
+from mild_ros.replay.trial_bag import NEUTRAL_S, write_trial
 from test.habits.tree import ROOT
 
 OF_TWO_NODES = """

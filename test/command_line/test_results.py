@@ -15,7 +15,7 @@ from rich.console import Console
 from mild_core.errors import BagError
 from mild_core.resources import share_folder
 from mild_ros.command_line import results
-from mild_ros.demo import RunOptions
+from mild_ros.replay.demo import RunOptions
 from mild_ros.viewing.page import UNPAINTED, _colour
 
 HANDSHAKE = share_folder("bags") / "handshake"

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mild_core.learning.paired import bent_arm
-from mild_core.learning.people import read_people
-from mild_core.learning.strangers import meeting
+from mild_core.learning.data.people import read_people
+from mild_core.learning.evaluation.strangers import meeting
+from mild_core.learning.training.paired import bent_arm
 from mild_core.retargeting.contact import shoulder_and_reach_m
 from mild_core.retargeting.robots.yumi import YUMI
 from test.command_line.test_main import run

@@ -102,7 +102,7 @@ def test_a_folder_without_measured_errors_says_so(data, tmp_path):
     [(0.99, 2, "levelled off, of at most 4"), (-10.0, 4, "the most allowed: not levelled off")],
 )
 def test_a_card_says_whether_the_error_levelled_off(tmp_path, monkeypatch, capsys, least_gain, epochs, why):
-    monkeypatch.setattr("mild_core.learning.epoch_search.LEAST_GAIN", least_gain)
+    monkeypatch.setattr("mild_core.learning.training.epoch_search.LEAST_GAIN", least_gain)
     tracks = [smooth_track(index, 320 + index) for index in range(6)]
     path = write(tmp_path / "a.npz", tracks, [one_hot(index // 3, 320 + index) for index in range(6)])
     (tmp_path / "mine.toml").write_text(MINE)
@@ -184,12 +184,12 @@ def test_wrong_names_and_an_unwritable_folder_are_refused_before_training(data, 
 
 
 def test_an_interrupted_training_goes_on_and_ends_as_if_nothing_had_happened(data, tmp_path, monkeypatch, capsys):
-    import mild_core.learning.checkpoint
+    import mild_core.learning.training.checkpoint
 
     (tmp_path / "mine.toml").write_text(MINE)
     options = ("--config", str(tmp_path / "mine.toml"), "--data", str(data), "--epochs", "2", "--members", "2")
     assert run("train", *options, "--out", str(tmp_path / "whole")) == 0
-    write, written = mild_core.learning.checkpoint.Checkpoint.write, []
+    write, written = mild_core.learning.training.checkpoint.Checkpoint.write, []
 
     def interrupted(self, member, snapshot):
         write(self, member, snapshot)
@@ -198,7 +198,7 @@ def test_an_interrupted_training_goes_on_and_ends_as_if_nothing_had_happened(dat
             raise KeyboardInterrupt
 
     with monkeypatch.context() as patched:
-        patched.setattr(mild_core.learning.checkpoint.Checkpoint, "write", interrupted)
+        patched.setattr(mild_core.learning.training.checkpoint.Checkpoint, "write", interrupted)
         assert run("train", *options, "--out", str(tmp_path / "made")) == 130
     assert written == [0, 0, 1]
     assert "the same command goes on" in capsys.readouterr().err
@@ -223,13 +223,13 @@ def test_an_interrupted_training_goes_on_and_ends_as_if_nothing_had_happened(dat
 
 
 def test_ctrl_c_before_the_first_epoch_leaves_nothing(data, tmp_path, monkeypatch, capsys):
-    import mild_core.learning.training
+    import mild_core.learning.training.algorithm
 
     def interrupted(*arguments):
         yield from ()
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(mild_core.learning.training, "train", interrupted)
+    monkeypatch.setattr(mild_core.learning.training.algorithm, "train", interrupted)
     assert run("train", "--data", str(data), "--out", str(tmp_path / "made"), *QUICK) == 130
     assert "nothing was written" in capsys.readouterr().err
     assert not (tmp_path / "made").exists()

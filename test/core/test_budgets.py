@@ -19,8 +19,8 @@ import pytest
 from mild_core.budgets import SETTINGS_BYTES, parse_json, parse_toml, read_file, read_npz
 from mild_core.errors import SetupError
 from mild_core.inference.model import load_model
-from mild_core.learning.configuration import read_configuration
-from mild_core.learning.trials import read_trials
+from mild_core.learning.data.trials import read_trials
+from mild_core.learning.training.configuration import read_configuration
 
 MEMORY_BYTES = 1 << 30
 """What a reader may take beyond what Python and numpy have taken already."""
@@ -160,7 +160,7 @@ PROGRAM = """
 import resource, sys
 from pathlib import Path
 from mild_core.errors import SetupError
-from mild_core.learning.safe_npz import read_safe_npz
+from mild_core.learning.data.safe_npz import read_safe_npz
 from mild_core.retargeting.robot_file import read_robot
 kind, file, memory = sys.argv[1:]
 have = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()

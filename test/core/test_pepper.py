@@ -8,9 +8,9 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from mild_core.retargeting.kinematics import forward_kinematics, read_tree
+from mild_core.retargeting.robot_model.kinematics import forward_kinematics, read_tree
 from mild_core.retargeting.robots.pepper import ARM, FLOOR_M, LOWER_RAD, PEPPER, UPPER_RAD, mirrored
-from mild_core.retargeting.robots.pepper_description import pepper
+from tools.pepper_description import pepper
 
 
 def about(axis: str, angle: float) -> NDArray[np.float64]:

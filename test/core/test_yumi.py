@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from mild_core.learning.datasets.buetepage_hr import BUETEPAGE_HR
-from mild_core.retargeting.kinematics import forward_kinematics, read_tree
+from mild_core.retargeting.robot_model.kinematics import forward_kinematics, read_tree
 from mild_core.retargeting.robots.yumi import AXES, LEFT_REST_RAD, YUMI, joint_name
-from mild_core.retargeting.robots.yumi_description import yumi
+from tools.yumi_description import yumi
 
 
 @pytest.mark.parametrize(("side", "word"), [("r", "right"), ("l", "left")])

@@ -13,10 +13,10 @@ from mild_core.errors import SetupError
 from mild_core.perception import stage
 from mild_ros.command_line.main import COMMANDS
 from mild_ros.controllers import OUTPUTS
-from mild_ros.diagnostics import UNREMARKABLE
-from mild_ros.documentation import DELIVERY, SECTIONS, TOPICS, filled
+from mild_ros.node_kit.diagnostics import UNREMARKABLE
 from test.bench import BENCHES
 from test.habits.tree import ROOT, called, files, parse, plant, python_files
+from tools.documentation import DELIVERY, SECTIONS, TOPICS, filled
 
 OUTCOMES = (stage.__doc__ or "").split("Beside them")[0].split("outcome,", 1)[-1]
 """What perception says of its outcomes."""
@@ -53,8 +53,8 @@ def broken_links(path: Path) -> list[str]:
 
 
 def _nodes(root: Path) -> list[Path]:
-    """Files of the shell; `faults` plays other people's nodes."""
-    return [path for path in python_files(root, "mild_ros") if path.parent.name != "faults"]
+    """Files of the shell."""
+    return python_files(root, "mild_ros")
 
 
 def topics_in_code(root: Path) -> set[tuple[str, str]]:
@@ -163,7 +163,7 @@ def test_the_table_of_topics_is_the_code() -> None:
 @pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
 def test_the_document_is_so(path: Path) -> None:
     text = path.read_text()
-    assert filled(text, str(path)) == text, f"run: python -m mild_ros.documentation {path.relative_to(ROOT)}"
+    assert filled(text, str(path)) == text, f"run: python -m tools.documentation {path.relative_to(ROOT)}"
     assert wrong_commands(text) == []
     assert broken_links(path) == []
 

@@ -54,7 +54,7 @@ def test_no_core_test_needs_ros() -> None:
     assert needing_ros(ROOT) == []
 
 
-@pytest.mark.parametrize("module", ["rclpy", "std_msgs.msg", "mild_core.learning.demonstration"])
+@pytest.mark.parametrize("module", ["rclpy", "std_msgs.msg", "mild_core.learning.data.demonstration"])
 def test_what_is_refused_is_absent(module: str) -> None:
     result = _run_without((*ROS, *MESSAGES, *LEARNING), f"import {module}")
     assert "ModuleNotFoundError" in result.stderr

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import sys
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import NamedTuple
 
@@ -49,11 +50,13 @@ LAWS = (
     Law("mild_core/inference/", (*FOUNDATION, "mild_core.inference"), NUMERICS),
     Law("mild_core/retargeting/", (*FOUNDATION, "mild_core.retargeting"), NUMERICS),
     Law(
-        "mild_core/retargeting/inverse_kinematics.py",
+        "mild_core/retargeting/robot_model/inverse_kinematics.py",
         (*FOUNDATION, "mild_core.retargeting"),
         (*NUMERICS, "daqp", "pinocchio"),
     ),
-    Law("mild_core/retargeting/joint_limits.py", (*FOUNDATION, "mild_core.retargeting"), (*NUMERICS, "yaml")),
+    Law(
+        "mild_core/retargeting/robot_model/joint_limits.py", (*FOUNDATION, "mild_core.retargeting"), (*NUMERICS, "yaml")
+    ),
     Law("mild_core/pipeline.py", (*FOUNDATION, *STAGES), ("numpy",)),
     Law(
         "mild_core/learning/",
@@ -63,9 +66,10 @@ LAWS = (
     Law("mild_ros/", (*FOUNDATION, *STAGES, "mild_core.pipeline", "mild_core.resources", "mild_ros"), None),
     Law("mild_ros/command_line/", ("mild_core", "mild_ros"), None),
     Law("mild_ros/command_line/measure.py", ("mild_core.errors", "mild_ros", "test.bench"), None),
-    Law("mild_ros/perception_node.py", (*FOUNDATION, "mild_core.perception", "mild_ros"), None),
-    Law("mild_ros/retargeting_node.py", (*FOUNDATION, "mild_core.retargeting", "mild_ros"), None),
-    Law("mild_ros/inference_node.py", (*FOUNDATION, "mild_core.inference", "mild_ros"), None),
+    Law("mild_ros/command_line/faults.py", ("mild_core.errors", "mild_ros", "test.faults"), None),
+    Law("mild_ros/nodes/perception_node.py", (*FOUNDATION, "mild_core.perception", "mild_ros"), None),
+    Law("mild_ros/nodes/retargeting_node.py", (*FOUNDATION, "mild_core.retargeting", "mild_ros"), None),
+    Law("mild_ros/nodes/inference_node.py", (*FOUNDATION, "mild_core.inference", "mild_ros"), None),
 )
 
 
@@ -98,7 +102,7 @@ def _broken(law: Law, name: str, item: Import) -> str:
         if is_under(item.module, "mild_core.learning") and top != name.split("/")[0] and not item.lazily:
             return f"imports {item.module} outside a function: the demo has to start without torch"
         parts = item.module.split(".")
-        if len(parts) > 1 and parts[1].endswith("_node") and f"mild_ros/{parts[1]}.py" != name:
+        if len(parts) > 2 and parts[2].endswith("_node") and "/".join(parts[:3]) + ".py" != name:
             return f"imports another node, {item.module}"
         return ""
     if top in sys.stdlib_module_names:
@@ -112,26 +116,35 @@ PLANTED = {
     "a stage imports another": ("mild_core/perception/x.py", "from mild_core.inference.stage import Inference"),
     "a stage imports another by package": ("mild_core/inference/x.py", "from mild_core import retargeting"),
     "a stage imports another relatively": ("mild_core/inference/x.py", "from ..perception import stage"),
-    "a stage imports learning": ("mild_core/inference/x.py", "def f():\n    import mild_core.learning.vae"),
+    "a stage imports learning": ("mild_core/inference/x.py", "def f():\n    import mild_core.learning.training.vae"),
     "a stage imports the pipeline": ("mild_core/retargeting/x.py", "import mild_core.pipeline"),
     "a stage imports torch": ("mild_core/inference/x.py", "def f():\n    import torch"),
     "a stage imports scipy": ("mild_core/inference/x.py", "import scipy.linalg"),
     "a signal imports a stage": ("mild_core/signals.py", "from mild_core.perception.stage import Perception"),
     "the core imports rclpy": ("mild_core/learning/x.py", "import rclpy.node"),
     "the core imports a message": ("mild_core/perception/x.py", "from sensor_msgs.msg import JointState"),
-    "the core imports the shell": ("mild_core/learning/x.py", "from mild_ros.bags import read"),
+    "the core imports the shell": ("mild_core/learning/x.py", "from mild_ros.bag.reader import read"),
     "the core imports by name": ("mild_core/perception/x.py", "import importlib\nimportlib.import_module('pybullet')"),
-    "the shell imports torch": ("mild_ros/bags.py", "from torch import nn"),
-    "the shell imports learning": ("mild_ros/replay.py", "def f():\n    from mild_core.learning import datasets"),
+    "the shell imports torch": ("mild_ros/bag/reader.py", "from torch import nn"),
+    "the shell imports learning": (
+        "mild_ros/replay/in_process.py",
+        "def f():\n    from mild_core.learning import datasets",
+    ),
     "the command line imports learning at once": ("mild_ros/command_line/x.py", "from mild_core.learning import vae"),
     "the command line imports learning where no type checker guards it": (
         "mild_ros/command_line/x.py",
         "if TYPE_CHECKING:\n    import os\nelse:\n    from mild_core.learning import vae",
     ),
-    "a node imports another stage": ("mild_ros/perception_node.py", "from mild_core.inference.stage import Inference"),
-    "a node imports another node": ("mild_ros/pipeline_node.py", "from mild_ros.perception_node import PerceptionNode"),
-    "bags need rclpy": ("mild_ros/bags.py", "import rclpy\nfrom rosbags.highlevel import AnyReader"),
-    "the shell imports tests": ("mild_ros/bags.py", "from test.conftest import ROOT"),
+    "a node imports another stage": (
+        "mild_ros/nodes/perception_node.py",
+        "from mild_core.inference.stage import Inference",
+    ),
+    "a node imports another node": (
+        "mild_ros/nodes/pipeline_node.py",
+        "from mild_ros.nodes.perception_node import PerceptionNode",
+    ),
+    "bags need rclpy": ("mild_ros/bag/reader.py", "import rclpy\nfrom rosbags.highlevel import AnyReader"),
+    "the shell imports tests": ("mild_ros/bag/reader.py", "from test.conftest import ROOT"),
     "a command imports benches": ("mild_ros/command_line/x.py", "def f():\n    import test.bench"),
     "the benches are imported before they are known to be there": (
         "mild_ros/command_line/measure.py",
@@ -153,9 +166,43 @@ def test_what_the_law_allows_passes(tmp_path: Path) -> None:
     plant(tmp_path, "mild_core/learning/x.py", "import torch\nfrom mild_core.inference.model import save_model")
     plant(tmp_path, "mild_ros/command_line/x.py", "def f():\n    from mild_core.learning import vae")
     plant(tmp_path, "mild_ros/command_line/y.py", "if TYPE_CHECKING:\n    from mild_core.learning import vae")
-    plant(tmp_path, "mild_ros/perception_node.py", "import rclpy\nfrom mild_core.perception.stage import Perception")
+    plant(
+        tmp_path, "mild_ros/nodes/perception_node.py", "import rclpy\nfrom mild_core.perception.stage import Perception"
+    )
     assert violations(tmp_path) == []
 
 
 def test_the_tree_keeps_the_law() -> None:
     assert violations(ROOT) == []
+
+
+def rooms(root: Path) -> dict[str, set[str]]:
+    """Which other rooms each room imports: folders with all below them, those of learning each by itself, and the
+    files beside them."""
+    files = (path.relative_to(root) for path in python_files(root, "mild_core", "mild_ros"))
+    paths = {path.with_suffix("") for path in files if ".launch" not in path.suffixes}
+    modules = {".".join(path.parts).removesuffix(".__init__"): path for path in paths}
+
+    def room(module: str) -> str:
+        path = modules[module]
+        depth = 3 if path.parts[1] == "learning" else 2
+        return ".".join(path.parts[: min(depth, len(path.parts) - 1)] if len(path.parts) > 2 else path.parts)
+
+    found: dict[str, set[str]] = {room(module): set() for module in modules}
+    for module, path in modules.items():
+        for item in imports(root, root / path.with_suffix(".py")):
+            taken = item.module
+            while taken and taken not in modules:
+                taken = taken.rpartition(".")[0]
+            if taken and room(taken) != room(module):
+                found[room(module)].add(room(taken))
+    return found
+
+
+def test_no_rooms_need_each_other(tmp_path: Path) -> None:
+    assert list(TopologicalSorter(rooms(ROOT)).static_order())
+    plant(tmp_path, "mild_ros/a/x.py", "from mild_ros.b.y import Y")
+    plant(tmp_path, "mild_ros/b/y.py", "def f():\n    from mild_ros.c import z")
+    plant(tmp_path, "mild_ros/c/z.py", "import mild_ros.a.x")
+    with pytest.raises(CycleError):
+        TopologicalSorter(rooms(tmp_path)).prepare()

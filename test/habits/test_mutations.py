@@ -18,8 +18,8 @@ from test.mutations import FAULTS
 from test.mutations.fault import Fault, faulty
 
 AREAS = {
-    *("mild_core/perception", "mild_core/inference", "mild_core/inference/priors", "mild_core/learning"),
-    *("mild_core/retargeting", "mild_ros", "mild_ros/messages"),
+    *("mild_core/perception", "mild_core/inference", "mild_core/inference/priors", "mild_core/learning/training"),
+    *("mild_core/retargeting", "mild_ros/bag", "mild_ros/messages"),
 }
 
 
@@ -177,7 +177,7 @@ def test_two_at_once_do_not_share_their_copies(tmp_path: Path) -> None:
 def test_parts_are_areas_files_or_faults_and_an_unknown_one_is_refused_in_one_line() -> None:
     assert chosen(()) == list(FAULTS)
     assert chosen(("shell",)) == list(mutations.AREAS["shell"])
-    assert {fault.file for fault in chosen(("mild_ros/bag_types",))} == {"mild_ros/bag_types.py"}
+    assert {fault.file for fault in chosen(("mild_ros/bag/types",))} == {"mild_ros/bag/types.py"}
     assert chosen((FAULTS[0].name,)) == [FAULTS[0]]
     with pytest.raises(SetupError, match=r"'shel'.*did you mean 'shell'.*perception, inference") as refused:
         chosen(("shel",))

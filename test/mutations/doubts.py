@@ -12,7 +12,7 @@ GATE = "mild_core/retargeting/start_gate.py"
 WATCHDOG = "mild_core/retargeting/timeouts.py"
 LIFE = "mild_core/retargeting/mode_inputs.py"
 PURSUIT = "mild_core/retargeting/target.py"
-EVALUATION = "mild_core/learning/evaluation.py"
+EVALUATION = "mild_core/learning/evaluation/errors.py"
 JOINTS = ("test/core/test_joint_measurements.py",)
 WHO = ("test/core/perception/test_person_tracker.py",)
 REPEATED = ("test/core/perception/test_repetition.py",)
@@ -278,7 +278,7 @@ FAULTS = (
     Fault(
         "any gain is a gain",
         "Training goes on for as long as an error falls by chance.",
-        "mild_core/learning/epoch_search.py",
+        "mild_core/learning/training/epoch_search.py",
         "errors[-2] * (1.0 - LEAST_GAIN)",
         "errors[-2]",
         STOPPING,

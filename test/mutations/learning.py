@@ -19,7 +19,7 @@ FAULTS = (
     Fault(
         "divergence subtracted",
         "The divergence of eq. 3 is maximised: posteriors flee from the prior.",
-        f"{HERE}/objective.py",
+        f"{HERE}/training/objective.py",
         "+ weights.divergence * self.divergence",
         "- weights.divergence * self.divergence",
         OBJECTIVE,
@@ -27,7 +27,7 @@ FAULTS = (
     Fault(
         "divergence of the person's latent alone",
         "The robot's posterior is not drawn to the prior.",
-        f"{HERE}/objective.py",
+        f"{HERE}/training/objective.py",
         "self._divergence(human, prior, batch, True) + self._divergence(robot, prior, batch, False)",
         "self._divergence(human, prior, batch, True)",
         OBJECTIVE,
@@ -35,7 +35,7 @@ FAULTS = (
     Fault(
         "the robot's posterior by the person's block",
         "The robot's latent is compared with the person's block of the prior.",
-        f"{HERE}/objective.py",
+        f"{HERE}/training/objective.py",
         "block = prior.observed if observed else prior.controlled",
         "block = prior.observed",
         OBJECTIVE,
@@ -43,7 +43,7 @@ FAULTS = (
     Fault(
         "component of another step",
         "A window is compared with the component of the window before the first of its batch.",
-        f"{HERE}/objective.py",
+        f"{HERE}/training/objective.py",
         "(batch.first + number * self.settings.gradient_stride) // self.settings.stride",
         "(number * self.settings.gradient_stride) // self.settings.stride",
         OBJECTIVE,
@@ -51,7 +51,7 @@ FAULTS = (
     Fault(
         "unit divergence without the determinant's sign",
         "A wide posterior is nearer to the unit Gaussian than a narrow one.",
-        f"{HERE}/objective.py",
+        f"{HERE}/training/objective.py",
         "0.5 * (square - size) - torch.log(diagonal).sum(-1)",
         "0.5 * (square - size) + torch.log(diagonal).sum(-1)",
         OBJECTIVE,
@@ -59,7 +59,7 @@ FAULTS = (
     Fault(
         "log-determinants of the divergence exchanged",
         "KL from a component rewards posteriors that are too narrow.",
-        f"{HERE}/latent_prior.py",
+        f"{HERE}/training/latent_prior.py",
         "return 0.5 * (trace + distance - posterior.mean.shape[-1] + log_ratio)",
         "return 0.5 * (trace + distance - posterior.mean.shape[-1] - log_ratio)",
         OBJECTIVE,
@@ -67,7 +67,7 @@ FAULTS = (
     Fault(
         "prior not widened by the encoder",
         "The prior's block is that of posterior means, without what each posterior is unsure of.",
-        f"{HERE}/latent_prior.py",
+        f"{HERE}/training/latent_prior.py",
         "torch.from_numpy(covariances[..., part, part]) + widening",
         "torch.from_numpy(covariances[..., part, part]) + 0.0 * widening",
         OBJECTIVE,
@@ -75,7 +75,7 @@ FAULTS = (
     Fault(
         "samples by the transposed factor",
         "Samples of a posterior have another covariance than it.",
-        f"{HERE}/vae.py",
+        f"{HERE}/training/vae.py",
         "self.mean + (self.factor @ noise[..., None])[..., 0]",
         "self.mean + (self.factor.transpose(-1, -2) @ noise[..., None])[..., 0]",
         OBJECTIVE,
@@ -83,7 +83,7 @@ FAULTS = (
     Fault(
         "scale learned from its own fold",
         "The scale that is tried on a fold was learned from it, so that every region seems right.",
-        f"{HERE}/uncertainty_calibration.py",
+        f"{HERE}/evaluation/uncertainty_calibration.py",
         "for other, distances in found if other != fold).spread()",
         "for other, distances in found if other == fold).spread()",
         CALIBRATION,
@@ -91,7 +91,7 @@ FAULTS = (
     Fault(
         "scale learned from all folds",
         "The scale that is tried on a fold was learned from it too.",
-        f"{HERE}/uncertainty_calibration.py",
+        f"{HERE}/evaluation/uncertainty_calibration.py",
         "for other, distances in found if other != fold).spread()",
         "for other, distances in found).spread()",
         CALIBRATION,
@@ -99,7 +99,7 @@ FAULTS = (
     Fault(
         "residual of the fold itself",
         "What cross-validation left over is measured on the fold that it is tried on.",
-        f"{HERE}/uncertainty_calibration.py",
+        f"{HERE}/evaluation/uncertainty_calibration.py",
         "_residual([doubt for doubt in doubts if doubt.fold != fold])",
         "_residual([doubt for doubt in doubts if doubt.fold == fold])",
         CALIBRATION,
@@ -107,7 +107,7 @@ FAULTS = (
     Fault(
         "scale of a deviation",
         "The scale fits the deviation and is multiplied with the variance.",
-        f"{HERE}/uncertainty_calibration.py",
+        f"{HERE}/evaluation/uncertainty_calibration.py",
         "_Spread(float(most / chi2.ppf(REGION, values))",
         "_Spread(float(np.sqrt(most / chi2.ppf(REGION, values)))",
         CALIBRATION,
@@ -115,7 +115,7 @@ FAULTS = (
     Fault(
         "degrees of freedom of one value",
         "The region of a whole frame is that of a single joint.",
-        f"{HERE}/uncertainty_calibration.py",
+        f"{HERE}/evaluation/uncertainty_calibration.py",
         "_Spread(float(most / chi2.ppf(REGION, values))",
         "_Spread(float(most / chi2.ppf(REGION, 1))",
         CALIBRATION,
@@ -123,7 +123,7 @@ FAULTS = (
     Fault(
         "published scale of one fold",
         "The scale that goes into a model was learned from the first trial alone.",
-        f"{HERE}/uncertainty_calibration.py",
+        f"{HERE}/evaluation/uncertainty_calibration.py",
         "whole = _together(_distances(doubt, _residual(doubts)) for doubt in own).spread()",
         "whole = _together(_distances(doubt, _residual(doubts)) for doubt in own[:1]).spread()",
         CALIBRATION,
@@ -131,7 +131,7 @@ FAULTS = (
     Fault(
         "errors are Gaussian",
         "Half of the true values are taken to lie where those of a Gaussian lie.",
-        f"{HERE}/uncertainty_calibration.py",
+        f"{HERE}/evaluation/uncertainty_calibration.py",
         "return _Spread(float(most / chi2.ppf(REGION, values)), float(freedom))",
         "return _Spread(float(most / chi2.ppf(REGION, values)), 1000.0)",
         CALIBRATION,
@@ -139,7 +139,7 @@ FAULTS = (
     Fault(
         "long trials count more",
         "The trial with the most frames says where the regions are.",
-        f"{HERE}/uncertainty_calibration.py",
+        f"{HERE}/evaluation/uncertainty_calibration.py",
         "np.full(len(joint), 1.0 / len(joint))",
         "np.full(len(joint), 1.0)",
         CALIBRATION,
@@ -147,7 +147,7 @@ FAULTS = (
     Fault(
         "the robot stays where it was recorded",
         "The person's hand is moved elsewhere and the robot's is not.",
-        f"{HERE}/paired.py",
+        f"{HERE}/training/paired.py",
         "angles_rad, robot.tool_link)[:, :3, 3] + aside_m",
         "angles_rad, robot.tool_link)[:, :3, 3] + 0.0 * aside_m",
         (f"{TESTS}/test_paired.py",),
@@ -155,7 +155,7 @@ FAULTS = (
     Fault(
         "both look the same way",
         "The robot's hand goes where the person's went as if they stood side by side.",
-        f"{HERE}/paired.py",
+        f"{HERE}/training/paired.py",
         "@ turned_about_z(FACE_TO_FACE_RAD).T",
         "@ np.eye(3)",
         (f"{TESTS}/test_paired.py",),
@@ -163,7 +163,7 @@ FAULTS = (
     Fault(
         "reach of what was learned",
         "The reach of the novelty detector is measured on the trials that it was learned from.",
-        f"{HERE}/novelty.py",
+        f"{HERE}/training/novelty.py",
         "settled_scores(territory, trial, protocol) for trial in fold.held_out]",
         "settled_scores(territory, trial, protocol) for trial in fold.learned]",
         NOVELTY,
@@ -171,7 +171,7 @@ FAULTS = (
     Fault(
         "margin divided",
         "The reach is smaller than what known people keep within.",
-        f"{HERE}/novelty.py",
+        f"{HERE}/training/novelty.py",
         "reach = MARGIN * float(",
         "reach = 1.0 / MARGIN * float(",
         NOVELTY,
@@ -179,7 +179,7 @@ FAULTS = (
     Fault(
         "fading per window",
         "How long ood_score counts depends on the model's rate.",
-        f"{HERE}/novelty.py",
+        f"{HERE}/training/novelty.py",
         "KEPT_PER_S ** (1.0 / rate_hz)",
         "KEPT_PER_S",
         NOVELTY,
@@ -187,7 +187,7 @@ FAULTS = (
     Fault(
         "bias without its sign",
         "Coordinates of the novelty detector are not about the mean of its windows.",
-        f"{HERE}/novelty.py",
+        f"{HERE}/training/novelty.py",
         "-coordinates.mean.double().numpy() @ weight",
         "coordinates.mean.double().numpy() @ weight",
         NOVELTY,
@@ -195,7 +195,7 @@ FAULTS = (
     Fault(
         "error the wrong way",
         "The regression learns what is wrong with a prediction with the sign turned.",
-        f"{HERE}/start_pose.py",
+        f"{HERE}/training/start_pose.py",
         ".reshape(-1, joints) - predicted.reshape(-1, joints)",
         ".reshape(-1, joints) * -1.0 + predicted.reshape(-1, joints)",
         START,
@@ -203,7 +203,7 @@ FAULTS = (
     Fault(
         "starts by the mean of all interactions",
         "How unusual a start is, is judged by another interaction's mean.",
-        f"{HERE}/start_pose.py",
+        f"{HERE}/training/start_pose.py",
         "starts[labels == label].mean(axis=0)",
         "starts[labels != label].mean(axis=0)",
         START,
@@ -211,7 +211,7 @@ FAULTS = (
     Fault(
         "held out and learned from",
         "A trial that is held out is also among those that are learned from.",
-        f"{HERE}/folds.py",
+        f"{HERE}/data/folds.py",
         "tuple(d for f, d in paired if f != index)",
         "tuple(d for f, d in paired)",
         WINDOWS,
@@ -219,7 +219,7 @@ FAULTS = (
     Fault(
         "answers one frame early",
         "The robot's window begins a frame before the protocol's lead.",
-        f"{HERE}/windows.py",
+        f"{HERE}/data/windows.py",
         "first = width - 1 + protocol.lead_frames",
         "first = width - 2 + protocol.lead_frames",
         WINDOWS,
@@ -227,7 +227,7 @@ FAULTS = (
     Fault(
         "velocities to the next frame",
         "A frame's velocity is that of the frame after it.",
-        f"{HERE}/windows.py",
+        f"{HERE}/data/windows.py",
         "np.diff(positions, axis=0, prepend=positions[:1]) * demonstration.rate_hz",
         "np.diff(positions, axis=0, append=positions[-1:]) * demonstration.rate_hz",
         WINDOWS,
@@ -235,7 +235,7 @@ FAULTS = (
     Fault(
         "stamp of the oldest frame",
         "A window is stamped by its first frame.",
-        f"{HERE}/windows.py",
+        f"{HERE}/data/windows.py",
         "(index + protocol.window - 1) / rate_hz",
         "index / rate_hz",
         WINDOWS,
@@ -243,7 +243,7 @@ FAULTS = (
     Fault(
         "turned about the wrong axis",
         "Augmentation mirrors a person instead of turning them.",
-        f"{HERE}/corpus.py",
+        f"{HERE}/training/corpus.py",
         "cosine * forward - sine * left + moved[b, x]",
         "cosine * forward + sine * left + moved[b, x]",
         WINDOWS,
@@ -251,7 +251,7 @@ FAULTS = (
     Fault(
         "the robot is not bent in time",
         "Augmentation bends the person's time and leaves the robot's.",
-        f"{HERE}/corpus.py",
+        f"{HERE}/training/corpus.py",
         "resample(tracks.controlled.numpy(), times.numpy(), controlled.numpy())",
         "resample(tracks.controlled.numpy(), np.arange(length, dtype=np.float32) + 0 * times.numpy(), "
         "controlled.numpy())",
@@ -260,7 +260,7 @@ FAULTS = (
     Fault(
         "windows drawn instead of trials",
         "The interval of an error takes overlapping windows for independent ones.",
-        f"{HERE}/evaluation.py",
+        f"{HERE}/evaluation/errors.py",
         "drawn = rng.integers(len(parts), size=(BOOTSTRAP_DRAWS, len(parts)))",
         "drawn = np.tile(np.arange(len(parts)), (BOOTSTRAP_DRAWS, 1))",
         EVALUATION,
@@ -268,7 +268,7 @@ FAULTS = (
     Fault(
         "macro error over windows",
         "An interaction with more windows counts for more in the macro error.",
-        f"{HERE}/evaluation.py",
+        f"{HERE}/evaluation/errors.py",
         "float(np.mean([np.concatenate(parts).mean() for parts in groups]))",
         "float(np.concatenate([np.concatenate(parts) for parts in groups]).mean())",
         EVALUATION,
@@ -284,7 +284,7 @@ FAULTS = (
     Fault(
         "folds that hold nothing out",
         "One trial of each interaction ends the training with an empty array.",
-        f"{HERE}/novelty.py",
+        f"{HERE}/training/novelty.py",
         "if fold.held_out and {trial.interaction",
         "if {trial.interaction",
         ODD,
@@ -292,7 +292,7 @@ FAULTS = (
     Fault(
         "a robot that never moves is learned from",
         "A recording without the robot's motion makes a model that stands still.",
-        f"{HERE}/trial_validity.py",
+        f"{HERE}/data/trial_validity.py",
         "    if largest < least:",
         "    if largest < 0.0:",
         ODD,
@@ -300,7 +300,7 @@ FAULTS = (
     Fault(
         "a robot that moves in one trial never moves",
         "One trial in which the robot stands condemns the recording.",
-        f"{HERE}/trial_validity.py",
+        f"{HERE}/data/trial_validity.py",
         "largest = max((float(",
         "largest = min((float(",
         ODD,
@@ -308,7 +308,7 @@ FAULTS = (
     Fault(
         "joints that leap",
         "A glitch of the robot's angles is learned from.",
-        f"{HERE}/trial_validity.py",
+        f"{HERE}/data/trial_validity.py",
         "np.abs(np.diff(angles, axis=0)) > LARGEST_STEP_RAD",
         "np.diff(angles, axis=0) > LARGEST_STEP_RAD",
         ODD,
@@ -316,7 +316,7 @@ FAULTS = (
     Fault(
         "bones of any length",
         "A joint that a tracker has lost for a frame is learned from.",
-        f"{HERE}/trial_validity.py",
+        f"{HERE}/data/trial_validity.py",
         "_refuse(trial, lengths > high, bones",
         "_refuse(trial, lengths > 1e3 * high, bones",
         ODD,
@@ -324,7 +324,7 @@ FAULTS = (
     Fault(
         "turns do not count",
         "A joint that is recorded a turn off in one trial is learned as another pose.",
-        f"{HERE}/trial_validity.py",
+        f"{HERE}/data/trial_validity.py",
         "wrong = (turns != 0.0) &",
         "wrong = (turns > 1.0) &",
         ODD,
@@ -332,7 +332,7 @@ FAULTS = (
     Fault(
         "a partner's arm is not looked at",
         "Glitches of the second person are learned from.",
-        f"{HERE}/trial_validity.py",
+        f"{HERE}/data/trial_validity.py",
         """_require_arm(trial, trial.controlled, trial.controlled_names, "the partner's")""",
         "pass",
         ODD,

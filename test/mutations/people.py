@@ -130,7 +130,7 @@ FAULTS = (
     Fault(
         "an arm without what is only seen of it",
         "People are kept away from what collides, and not from fingers, collars and the tool.",
-        f"{HERE}/capsules.py",
+        f"{HERE}/robot_model/capsules.py",
         "    _hold_what_is_seen(found, robot, tree, chain)\n",
         "",
         GUARD,
@@ -138,7 +138,7 @@ FAULTS = (
     Fault(
         "shapes that make no capsule thicker",
         "What sticks out a little of what collides is not kept from people.",
-        f"{HERE}/capsules.py",
+        f"{HERE}/robot_model/capsules.py",
         "outer_m=one.outer_m + thicker_m",
         "outer_m=one.outer_m",
         GUARD,
@@ -345,7 +345,7 @@ FAULTS = (
     ),
     Fault(
         "the first refuge is the best",
-        "The arm makes way to its home, also where somebody walks through that.",
+        "The arm makes way to its home, also where a person walks through that.",
         f"{HERE}/evasion.py",
         "if cost < least:",
         "if cost < 0.0:",

@@ -86,7 +86,7 @@ FAULTS = (
     Fault(
         "elbow about the wrong axis",
         "The forearm is seen from the shoulder with pitch and roll in the wrong order.",
-        f"{HERE}/arm_mapping.py",
+        f"{HERE}/robot_model/arm_mapping.py",
         "_about_y(_about_z(_about_y(forearm, -shoulder[0]), -shoulder[1]), -self.elbow_pitch_rad)",
         "_about_y(_about_y(_about_z(forearm, -shoulder[1]), -shoulder[0]), -self.elbow_pitch_rad)",
         MAPPING,
@@ -94,7 +94,7 @@ FAULTS = (
     Fault(
         "elbow pitch the other way",
         "The elbow's axes are turned in the upper arm by the wrong sign.",
-        f"{HERE}/arm_mapping.py",
+        f"{HERE}/robot_model/arm_mapping.py",
         "-shoulder[1]), -self.elbow_pitch_rad)",
         "-shoulder[1]), self.elbow_pitch_rad)",
         MAPPING,
@@ -102,7 +102,7 @@ FAULTS = (
     Fault(
         "one solution for the shoulder",
         "Only one of the two shoulders is looked at, which is often beyond the limits.",
-        f"{HERE}/arm_mapping.py",
+        f"{HERE}/robot_model/arm_mapping.py",
         "for rise in (up, pi - up):",
         "for rise in (up, up):",
         MAPPING,
@@ -110,7 +110,7 @@ FAULTS = (
     Fault(
         "the worse of two",
         "Of two ways to hold the arm the one that misses more is taken.",
-        f"{HERE}/arm_mapping.py",
+        f"{HERE}/robot_model/arm_mapping.py",
         "first = first if one < other else second",
         "first = first if one > other else second",
         MAPPING,
@@ -118,7 +118,7 @@ FAULTS = (
     Fault(
         "a augment to the wrong side",
         "Elbows that augment the other way are solved as if they bent this way.",
-        f"{HERE}/arm_mapping.py",
+        f"{HERE}/robot_model/arm_mapping.py",
         "bends_to = 1.0 if self.upper_rad[3] > 0.0 else -1.0",
         "bends_to = 1.0",
         MAPPING,
@@ -126,7 +126,7 @@ FAULTS = (
     Fault(
         "the farther limit on the circle",
         "An angle outside of its limits becomes the farther one of them.",
-        f"{HERE}/arm_mapping.py",
+        f"{HERE}/robot_model/arm_mapping.py",
         "return lower if (lower - angle) % tau < (angle - upper) % tau else upper",
         "return lower if (lower - angle) % tau > (angle - upper) % tau else upper",
         MAPPING,
@@ -134,7 +134,7 @@ FAULTS = (
     Fault(
         "freedom of a bent elbow",
         "An elbow that is bent keeps its yaw as if it were straight.",
-        f"{HERE}/arm_mapping.py",
+        f"{HERE}/robot_model/arm_mapping.py",
         "freedom = (STRAIGHT / max(radius, 1e-6)) ** 3",
         "freedom = STRAIGHT / max(radius, 1e-6)",
         MAPPING,
@@ -142,7 +142,7 @@ FAULTS = (
     Fault(
         "a straight elbow yawed at will",
         "An elbow that trembles about straight whips the upper arm round.",
-        f"{HERE}/arm_mapping.py",
+        f"{HERE}/robot_model/arm_mapping.py",
         "return angle + _clipped(near - angle, -freedom, freedom)",
         "return angle",
         MAPPING,
@@ -150,7 +150,7 @@ FAULTS = (
     Fault(
         "any length is an arm",
         "A segment of millimetres gives directions of noise.",
-        f"{HERE}/arm_mapping.py",
+        f"{HERE}/robot_model/arm_mapping.py",
         "if SHORTEST_M < sqrt(x * x + y * y + z * z) < LONGEST_M else None",
         "if 0.0 < sqrt(x * x + y * y + z * z) < LONGEST_M else None",
         MAPPING,
@@ -222,7 +222,7 @@ FAULTS = (
     Fault(
         "axis not turned with the joint before",
         "The hand's Jacobian takes the axes in the base frame.",
-        f"{HERE}/chain.py",
+        f"{HERE}/robot_model/chain.py",
         "ay = frame[1, 0] * x + frame[1, 1] * y + frame[1, 2] * z",
         "ay = frame[0, 1] * x + frame[1, 1] * y + frame[2, 1] * z",
         REACH,
@@ -230,7 +230,7 @@ FAULTS = (
     Fault(
         "rotation by the negative angle",
         "One entry of Rodrigues' formula has the wrong sign.",
-        f"{HERE}/chain.py",
+        f"{HERE}/robot_model/chain.py",
         "turn[0, 0], turn[0, 1], turn[0, 2] = c + x * x * d, x * y * d - z * s, x * z * d + y * s",
         "turn[0, 0], turn[0, 1], turn[0, 2] = c + x * x * d, x * y * d + z * s, x * z * d + y * s",
         REACH,
@@ -238,7 +238,7 @@ FAULTS = (
     Fault(
         "segments as straight lines",
         "The distance of two segments is that of the lines through them.",
-        f"{HERE}/chain.py",
+        f"{HERE}/robot_model/chain.py",
         "s = min(max((b * f - c * e) / below, 0.0), 1.0) if below > tiny else 0.0",
         "s = (b * f - c * e) / below if below > tiny else 0.0",
         REACH,
@@ -246,7 +246,7 @@ FAULTS = (
     Fault(
         "clearance of one radius",
         "The distance of two capsules is taken from the surface of one to the axis of the other.",
-        f"{HERE}/chain.py",
+        f"{HERE}/robot_model/chain.py",
         "radii = a_sizes[i, 0] + b_sizes[j, 0]",
         "radii = a_sizes[i, 0]",
         REACH,
@@ -254,7 +254,7 @@ FAULTS = (
     Fault(
         "posture before the place",
         "Inverse kinematics is drawn to the posture as strongly as to the target.",
-        f"{HERE}/inverse_kinematics.py",
+        f"{HERE}/robot_model/inverse_kinematics.py",
         "pull = POSTURE_COST**2 + self._relent * square",
         "pull = POSTURE_COST + self._relent * square",
         REACH,
@@ -262,7 +262,7 @@ FAULTS = (
     Fault(
         "away from the posture",
         "What a target leaves free moves away from the posture that is wanted.",
-        f"{HERE}/inverse_kinematics.py",
+        f"{HERE}/robot_model/inverse_kinematics.py",
         "pull * (at - posture) - left_m @ jacobian",
         "pull * (posture - at) - left_m @ jacobian",
         REACH,
@@ -270,7 +270,7 @@ FAULTS = (
     Fault(
         "joints in the library's order",
         "Joints go to the library in the robot's order instead of its own.",
-        f"{HERE}/inverse_kinematics.py",
+        f"{HERE}/robot_model/inverse_kinematics.py",
         "spread[row, robot.joint_names.index(leader)], shift[row] = ratio, offset",
         "spread[row, number - 1], shift[row] = ratio, offset",
         REACH,
@@ -278,7 +278,7 @@ FAULTS = (
     Fault(
         "a mimic joint without its offset",
         "A joint that copies another one starts at zero.",
-        f"{HERE}/kinematics.py",
+        f"{HERE}/robot_model/kinematics.py",
         "np.asarray(copied, dtype=np.float64) * multiplier + offset",
         "np.asarray(copied, dtype=np.float64) * multiplier",
         REACH,
@@ -286,7 +286,7 @@ FAULTS = (
     Fault(
         "roll, pitch and yaw in the other order",
         "Poses of a URDF are turned about x last.",
-        f"{HERE}/urdf.py",
+        f"{HERE}/robot_model/urdf.py",
         'pose[:3, :3] = rotation_from_rpy(*_numbers(origin, "rpy", (0.0, 0.0, 0.0)))',
         'pose[:3, :3] = rotation_from_rpy(*_numbers(origin, "rpy", (0.0, 0.0, 0.0))[::-1])',
         REACH,
@@ -294,7 +294,7 @@ FAULTS = (
     Fault(
         "the forearm on the upper arm's length",
         "A follower by inverse kinematics makes the robot's forearm as long as its upper arm.",
-        f"{HERE}/arm_following.py",
+        f"{HERE}/robot_model/arm_following.py",
         "bones[1] * (self._forearm_m / lengths[1])",
         "bones[1] * (self._forearm_m / lengths[0])",
         (f"{TESTS}/test_arm_following.py",),
@@ -502,7 +502,7 @@ FAULTS = (
     Fault(
         "soft limits passed over",
         "The limits of a robot's own safety controller do not count.",
-        f"{HERE}/urdf.py",
+        f"{HERE}/robot_model/urdf.py",
         "lower, upper = narrowed if softened else (lower, upper)",
         "lower, upper = (lower, upper)",
         DESCRIBED,
@@ -510,7 +510,7 @@ FAULTS = (
     Fault(
         "a copy that stands still in the chain",
         "A joint of the arm that copies a commanded one is at rest for the guard and for inverse kinematics.",
-        f"{HERE}/chain.py",
+        f"{HERE}/robot_model/chain.py",
         "return leader in robot.joint_names and joint.kind not in FIXED and ratio != 0.0",
         "return joint.name in robot.joint_names and joint.kind not in FIXED and ratio != 0.0",
         DESCRIBED,
@@ -518,7 +518,7 @@ FAULTS = (
     Fault(
         "a loose joint within the arm",
         "A floating joint between base and tool is taken to stand still.",
-        f"{HERE}/chain.py",
+        f"{HERE}/robot_model/chain.py",
         "if joint.kind in LOOSE:",
         "if joint.kind in ():",
         DESCRIBED,
@@ -526,7 +526,7 @@ FAULTS = (
     Fault(
         "one line of a description",
         "What libraries get is written in one line, of which PyBullet reads 8192 characters.",
-        f"{HERE}/rigid_bodies.py",
+        f"{HERE}/robot_model/rigid_bodies.py",
         "ElementTree.indent(made)",
         "len(made)",
         DESCRIBED,
@@ -534,7 +534,7 @@ FAULTS = (
     Fault(
         "no table",
         "The arm does not keep out of the table that it stands on.",
-        f"{HERE}/capsules.py",
+        f"{HERE}/robot_model/capsules.py",
         "if robot.keeps_off_table:",
         "if not robot:",
         DESCRIBED,

@@ -189,7 +189,7 @@ FAULTS = (
     Fault(
         "latched messages begin with the replay",
         "What was latched before `--start` is not sent.",
-        "mild_ros/replay.py",
+        "mild_ros/replay/in_process.py",
         "if start_ns is not None and latched else ():",
         "if start_ns is None and latched else ():",
         INPUTS,
@@ -197,7 +197,7 @@ FAULTS = (
     Fault(
         "a device's clock is the recorder's",
         "Stamps of a clock of its own are taken as they are.",
-        "mild_ros/replay.py",
+        "mild_ros/replay/in_process.py",
         "if clock.shift_ns == 0:",
         "if clock.shift_ns is not None:",
         INPUTS,
@@ -205,7 +205,7 @@ FAULTS = (
     Fault(
         "the newest version only",
         "A bag without definitions is read as if it were of Jazzy.",
-        "mild_ros/bag_types.py",
+        "mild_ros/bag/types.py",
         "for index in (place, *range(len(forms)))",
         "for index in (0,)",
         AGES,
@@ -213,7 +213,7 @@ FAULTS = (
     Fault(
         "fields by their place",
         "A bag's own definition counts only where its types differ from those of Jazzy, not its names.",
-        "mild_ros/bag_types.py",
+        "mild_ros/bag/types.py",
         "return mine == theirs and all(",
         "return [kind for _, kind in mine] == [kind for _, kind in theirs] and all(",
         AGES,
@@ -221,7 +221,7 @@ FAULTS = (
     Fault(
         "a summary is believed",
         "An mcap whose summary leaves out what rosbags relies on is read without what is missing.",
-        "mild_ros/salvage_mcap.py",
+        "mild_ros/bag/salvage_mcap.py",
         "if counted != reader.metadata.message_count or not named:",
         "if counted > reader.metadata.message_count:",
         AGES,
@@ -229,7 +229,7 @@ FAULTS = (
     Fault(
         "paths as addresses",
         "A `#` or `?` in a path ends it.",
-        "mild_ros/bag_budgets.py",
+        "mild_ros/bag/budgets.py",
         'apsw.Connection(f"file:{quote(path)}?{query}"',
         'apsw.Connection(f"file:{path}?{query}"',
         AGES,
@@ -237,7 +237,7 @@ FAULTS = (
     Fault(
         "a lock-step without its recorder",
         "The next event is sent before a recorder has written down the one before.",
-        "mild_ros/sending.py",
+        "mild_ros/replay/sending.py",
         "return self._tokens == 0 and self._started and self._reported <= self._recorded",
         "return self._tokens == 0 and self._started",
         REPLAY,
@@ -245,7 +245,7 @@ FAULTS = (
     Fault(
         "fewer than none were lost",
         "Messages that only the recorder missed count as lost before perception, below zero.",
-        "mild_ros/report.py",
+        "mild_ros/viewing/report.py",
         "dropped=max(len(run.tracker_arrived_ns) - len(seen), 0) if seen else None,",
         "dropped=len(run.tracker_arrived_ns) - len(seen) if seen else None,",
         STILL,
@@ -253,7 +253,7 @@ FAULTS = (
     Fault(
         "a trembling person has moved",
         "A robot that stayed where it was counts as one that moved.",
-        "mild_ros/stillness.py",
+        "mild_ros/viewing/stillness.py",
         ".max() > STILL_RAD)",
         ".max() > 0.0)",
         STILL,
@@ -261,7 +261,7 @@ FAULTS = (
     Fault(
         "ticks after the message",
         "A tick at the time of a message comes after it, other than over DDS.",
-        "mild_ros/replay_events.py",
+        "mild_ros/replay/events.py",
         "while tick_ns <= event.time_ns:",
         "while tick_ns < event.time_ns:",
         REPLAY,
@@ -269,7 +269,7 @@ FAULTS = (
     Fault(
         "a bag that loops ticks to its end first",
         "When time starts again the grid of ticks goes on from where it was.",
-        "mild_ros/replay_events.py",
+        "mild_ros/replay/events.py",
         "if not newest_ns or event.time_ns < newest_ns:",
         "if not newest_ns:",
         REPLAY,
@@ -277,7 +277,7 @@ FAULTS = (
     Fault(
         "ticks from the newest message",
         "The grid of ticks restarts at each message.",
-        "mild_ros/replay_events.py",
+        "mild_ros/replay/events.py",
         "            tick_ns += period_ns\n",
         "            tick_ns = event.time_ns + period_ns\n",
         REPLAY,
@@ -285,7 +285,7 @@ FAULTS = (
     Fault(
         "a clock that never jumps back",
         "After a jump back of `/clock` no tick comes until it has caught up.",
-        "mild_ros/clock.py",
+        "mild_ros/node_kit/clock.py",
         "if self._anchor_ns is None or now_ns < self._newest_ns:",
         "if self._anchor_ns is None:",
         ("test/ros/test_measuring.py",),
@@ -293,7 +293,7 @@ FAULTS = (
     Fault(
         "ticks between the points",
         "Control ticks at every `/clock` message, whatever its rate.",
-        "mild_ros/clock.py",
+        "mild_ros/node_kit/clock.py",
         "passed = index > self._index",
         "passed = index >= self._index",
         ("test/ros/test_measuring.py",),
@@ -301,7 +301,7 @@ FAULTS = (
     Fault(
         "only the first stamp is moved",
         "A restamped array has one new stamp and many old ones.",
-        "mild_ros/encoding.py",
+        "mild_ros/bag/encoding.py",
         'return data.replace(data[8:16], struct.pack("<iI", *divmod(stamp_ns + shift_ns, 10**9)))',
         'return data[:8] + struct.pack("<iI", *divmod(stamp_ns + shift_ns, 10**9)) + data[16:]',
         REPLAY,
@@ -309,7 +309,7 @@ FAULTS = (
     Fault(
         "no stamp becomes one",
         "A stamp of zero, which stands for none, is moved like any other.",
-        "mild_ros/encoding.py",
+        "mild_ros/bag/encoding.py",
         "type_name == _TIME and any(values.values())",
         "type_name == _TIME",
         REPLAY,
@@ -317,7 +317,7 @@ FAULTS = (
     Fault(
         "shift in the wrong direction",
         "A restamped message is moved back by what it should be moved on.",
-        "mild_ros/encoding.py",
+        "mild_ros/bag/encoding.py",
         "return stamp_ns + shift_ns if at_ns is None else at_ns",
         "return stamp_ns - shift_ns if at_ns is None else at_ns",
         REPLAY,
@@ -325,7 +325,7 @@ FAULTS = (
     Fault(
         "names of joints the wrong way",
         "A driver's names are looked up among ours.",
-        "mild_ros/joint_naming.py",
+        "mild_ros/commands/joint_naming.py",
         "ours = dict(zip(self.theirs, self.ours, strict=True))",
         "ours = dict(zip(self.ours, self.theirs, strict=True))",
         ("test/ros/test_joint_naming.py",),
@@ -333,7 +333,7 @@ FAULTS = (
     Fault(
         "salvage that is silent",
         "Messages of a chunk that does not unpack are not counted as lost.",
-        "mild_ros/salvage_mcap.py",
+        "mild_ros/bag/salvage_mcap.py",
         "elif kind == _MESSAGE_INDEX and chunk_is_lost:",
         "elif kind == _MESSAGE_INDEX and not chunk_is_lost:",
         SALVAGE,
@@ -341,7 +341,7 @@ FAULTS = (
     Fault(
         "nothing behind a broken record",
         "Salvage of an mcap ends at the first record that makes no sense.",
-        "mild_ros/salvage_mcap.py",
+        "mild_ros/bag/salvage_mcap.py",
         "following = _next_chunk(data, at + 1)",
         "following = end",
         SALVAGE,
@@ -349,7 +349,7 @@ FAULTS = (
     Fault(
         "a cut-off tail is no loss",
         "Bytes behind the last whole record of an mcap are not counted.",
-        "mild_ros/salvage_mcap.py",
+        "mild_ros/bag/salvage_mcap.py",
         "        loss.unread_bytes += end - at\n",
         "        loss.unread_bytes += 0\n",
         SALVAGE,
@@ -357,7 +357,7 @@ FAULTS = (
     Fault(
         "rows that cannot be read are no loss",
         "Rows between readable ones of a broken sqlite3 bag are not counted.",
-        "mild_ros/salvage_sqlite.py",
+        "mild_ros/bag/salvage_sqlite.py",
         "loss.messages, misses = loss.messages + misses, 0",
         "misses = 0",
         SALVAGE,
@@ -365,7 +365,7 @@ FAULTS = (
     Fault(
         "a namespace by its first letters",
         "A call to the nodes under `left` reaches those under `leftover` too.",
-        "mild_ros/operator_client.py",
+        "mild_ros/command_line/operator_client.py",
         """f"/{namespace.strip('/')}/" if namespace""",
         """f"/{namespace.strip('/')}" if namespace""",
         OPERATOR,
@@ -373,7 +373,7 @@ FAULTS = (
     Fault(
         "a service by its name alone",
         "A call reaches services of others that have the name and another type.",
-        "mild_ros/operator_client.py",
+        "mild_ros/command_line/operator_client.py",
         " and wanted in types",
         "",
         OPERATOR,
@@ -381,7 +381,7 @@ FAULTS = (
     Fault(
         "a closed terminal kills the node",
         "SIGHUP ends a node outright, with the robot in motion.",
-        "mild_ros/running.py",
+        "mild_ros/node_kit/running.py",
         "for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGALRM):",
         "for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):",
         ("test/ros/test_signals.py",),
@@ -389,7 +389,7 @@ FAULTS = (
     Fault(
         "nohup is overruled",
         "A node that was started to outlive its terminal ends with it.",
-        "mild_ros/running.py",
+        "mild_ros/node_kit/running.py",
         "if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:",
         "if number:",
         ("test/ros/test_signals.py",),
@@ -429,7 +429,7 @@ FAULTS = (
     Fault(
         "a bag of another tracker is replayed",
         "A bag in which the tracker sees no person runs to its end.",
-        "mild_ros/bag_people.py",
+        "mild_ros/bag/people.py",
         "        if found:\n            wrong[found] += 1",
         "        if not found:\n            wrong[found] += 1",
         ("test/command_line/test_replay.py",),
@@ -437,7 +437,7 @@ FAULTS = (
     Fault(
         "everybody is sent to salvage",
         "A bag in which there is nothing to save is refused with the advice to save it.",
-        "mild_ros/bags.py",
+        "mild_ros/bag/reader.py",
         "raise (refusal(refused, path) if refused.remedy == SALVAGE else refused) from None",
         "raise refused from None",
         SALVAGE,
@@ -445,7 +445,7 @@ FAULTS = (
     Fault(
         "what lies in place of a bag is garbage",
         "An archive or a pointer of Git LFS is not distinguished from a broken bag.",
-        "mild_ros/bag_kinds.py",
+        "mild_ros/bag/kinds.py",
         "if head.lstrip().startswith(magic):",
         "if head == magic:",
         SALVAGE,
@@ -453,7 +453,7 @@ FAULTS = (
     Fault(
         "another file's ending",
         "A good file with the ending of another kind is called broken.",
-        "mild_ros/bag_kinds.py",
+        "mild_ros/bag/kinds.py",
         "        if head.startswith(magic):\n",
         "        if head == magic:\n",
         SALVAGE,
@@ -461,7 +461,7 @@ FAULTS = (
     Fault(
         "large files are copied for a glance",
         "To say whether a message could be saved, a database of any size is copied.",
-        "mild_ros/salvage.py",
+        "mild_ros/bag/salvage.py",
         "file.stat().st_size > GLANCE_BYTES and",
         "file.stat().st_size < 0 and",
         SALVAGE,
@@ -469,7 +469,7 @@ FAULTS = (
     Fault(
         "a closed terminal kills a run",
         "SIGHUP ends a demo or a replay outright, with its bag unfinished.",
-        "mild_ros/processes.py",
+        "mild_ros/environment/processes.py",
         "numbers = (signal.SIGTERM,) if ignored else (signal.SIGTERM, signal.SIGHUP)",
         "numbers = (signal.SIGTERM,)",
         WAITS,
@@ -477,7 +477,7 @@ FAULTS = (
     Fault(
         "nohup is overruled for a run",
         "A run that was started to outlive its terminal ends with it.",
-        "mild_ros/processes.py",
+        "mild_ros/environment/processes.py",
         "numbers = (signal.SIGTERM,) if ignored else (signal.SIGTERM, signal.SIGHUP)",
         "numbers = (signal.SIGTERM, signal.SIGHUP)",
         WAITS,
@@ -485,7 +485,7 @@ FAULTS = (
     Fault(
         "a run waits as long as its nodes start",
         "Nodes that do not hear each other are waited for as long as those that load.",
-        "mild_ros/demo.py",
+        "mild_ros/replay/demo.py",
         "patience_s = DISCOVERY_S if patience_s is None else patience_s",
         "patience_s = 5.0 if patience_s is None else patience_s",
         WAITS,
@@ -493,7 +493,7 @@ FAULTS = (
     Fault(
         "loopback is taken to be up",
         "Where loopback is down the doctor advises what cannot help.",
-        "mild_ros/doctor.py",
+        "mild_ros/environment/doctor.py",
         "    if not flags & _IS_UP:\n",
         "    if flags < 0:\n",
         DOCTOR,
@@ -501,7 +501,7 @@ FAULTS = (
     Fault(
         "one cause, four findings",
         "What keeps all nodes from starting is reported as a fault of discovery.",
-        "mild_ros/doctor.py",
+        "mild_ros/environment/doctor.py",
         "for finding in (domain(), log_folder())",
         "for finding in (log_folder(),)",
         DOCTOR,
@@ -509,7 +509,7 @@ FAULTS = (
     Fault(
         "any name is a peer",
         "A static peer without an address, with which no node starts, is well.",
-        "mild_ros/dds_variables.py",
+        "mild_ros/environment/dds_variables.py",
         '"nodes of these machines are looked for too", _no_peer)',
         '"nodes of these machines are looked for too")',
         DOCTOR,
@@ -517,7 +517,7 @@ FAULTS = (
     Fault(
         "settings of a transport are no transport",
         "A value that Fast DDS takes is called unknown.",
-        "mild_ros/dds_variables.py",
+        "mild_ros/environment/dds_variables.py",
         'if value.partition("?")[0] in TRANSPORTS:',
         "if value in TRANSPORTS:",
         DOCTOR,
@@ -525,7 +525,7 @@ FAULTS = (
     Fault(
         "a server that runs is missing",
         "A discovery server is looked for where there is none, and not missed where there is none.",
-        "mild_ros/dds_variables.py",
+        "mild_ros/environment/dds_variables.py",
         "int(port) not in bound",
         "int(port) in bound",
         DOCTOR,
@@ -541,7 +541,7 @@ FAULTS = (
     Fault(
         "control alone is in real time",
         "A thread that holds what control waits for loses its processor to other programs.",
-        "mild_ros/priorities.py",
+        "mild_ros/node_kit/priorities.py",
         "if os.sched_getscheduler(thread) == os.SCHED_OTHER:",
         "if os.sched_getscheduler(thread) == os.SCHED_BATCH:",
         PRIORITIES,
@@ -549,7 +549,7 @@ FAULTS = (
     Fault(
         "all threads are equals",
         "Control waits for reception, which has its priority.",
-        "mild_ros/priorities.py",
+        "mild_ros/node_kit/priorities.py",
         "os.sched_param(BESIDE))",
         "os.sched_param(CONTROL))",
         PRIORITIES,

@@ -14,15 +14,15 @@ import yaml
 from mild_core.errors import SetupError
 from mild_core.resources import model_names
 from mild_core.retargeting.robot_file import find_robot
+from mild_ros.assembly.bag_settings import RecordParameters, ReplayParameters
 from mild_ros.assembly.perception import manifest_of
 from mild_ros.assembly.robot import check_fit
-from mild_ros.bag_settings import RecordParameters, ReplayParameters
-from mild_ros.bags import open_bag
+from mild_ros.assembly.settings import NODES, PipelineParameters
+from mild_ros.bag.reader import open_bag
+from mild_ros.commands.joint_naming import joint_naming
 from mild_ros.controllers import OUTPUTS
-from mild_ros.joint_naming import joint_naming
-from mild_ros.launching import LAUNCHES, commands, read_arguments
-from mild_ros.parameter_files import read_parameters
-from mild_ros.settings import NODES, PipelineParameters
+from mild_ros.launching.table import LAUNCHES, commands, read_arguments
+from mild_ros.node_kit.parameter_files import read_parameters
 from test.habits.tree import ROOT
 
 CONFIGURATIONS = sorted((ROOT / "mild_ros/config").glob("*.yaml"))

@@ -12,9 +12,9 @@ import yaml
 
 from mild_core.perception.skeletons import SOURCES
 from mild_core.retargeting.robots import ROBOTS
-from mild_ros.documentation import TOPICS
 from mild_ros.messages.skeletons import ADAPTERS
 from test.habits.tree import ROOT
+from tools.documentation import TOPICS
 
 CONFIG = ROOT / "mild_ros/config"
 TYPES = {topic.name.lstrip("/"): topic.message for topic in TOPICS}

@@ -12,9 +12,9 @@ from rosbags.interfaces import Connection
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
 from mild_core.errors import BagError
-from mild_ros.bag_writer import create_bag
-from mild_ros.bags import jazzy_types, open_bag
-from mild_ros.encoding import encode
+from mild_ros.bag.encoding import encode
+from mild_ros.bag.reader import jazzy_types, open_bag
+from mild_ros.bag.writer import create_bag
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 COUNT = 50

@@ -12,8 +12,8 @@ from mild_core.inference.model import save_model
 from mild_core.inference.start_pose import StartPose
 from mild_core.retargeting.robots import ROBOTS
 from mild_core.shapes import FloatArray
-from mild_ros.scenes import SCENES, arm_track
 from test.core.inference.random_model import manifest, paper_member, random_arrays
+from tools.scenes import SCENES, arm_track
 
 YUMI = ControlledAgent("robot_joints", "yumi", ROBOTS["yumi"].joint_names, "rad")
 

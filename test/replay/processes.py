@@ -22,7 +22,7 @@ def node(
     """The node `name` with these parameters; SIGTERM when the block is left."""
     arguments = [f"{key}:={value}" for key, value in parameters.items()]
     words = [word for argument in arguments for word in ("-p", argument)]
-    command = [sys.executable, "-m", f"mild_ros.{name}_node", "--ros-args", *words, *extra]
+    command = [sys.executable, "-m", f"mild_ros.nodes.{name}_node", "--ros-args", *words, *extra]
     process = subprocess.Popen(
         command,
         cwd=Path(__file__).parents[2],

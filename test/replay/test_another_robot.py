@@ -17,13 +17,13 @@ from mild_core.signals import ARM_JOINTS, JointCommand, MotionWindow
 from mild_ros.assembly.inference import load
 from mild_ros.assembly.pipeline import make_pipeline
 from mild_ros.assembly.robot import make_robot
-from mild_ros.replay import Inputs, Step, replay_in_process
-from mild_ros.scenes import SCENES, write_scene
-from mild_ros.settings import PipelineParameters
-from mild_ros.viewing.recorded import read_run
+from mild_ros.assembly.settings import PipelineParameters
+from mild_ros.replay.in_process import Inputs, Step, replay_in_process
+from mild_ros.replay.recorded import read_run
 from test.core.retargeting.limits import check_limits
 from test.core.retargeting.panda import panda_file
 from test.replay.made_model import save_random_model
+from tools.scenes import SCENES, write_scene
 
 PARTNER = ControlledAgent("human_arm", "human", ARM_JOINTS, "m")
 BENT_M = ((0.0, 0.0, 0.0), (0.15, -0.05, -0.2), (0.4, -0.05, -0.1))

@@ -12,7 +12,7 @@ import pytest
 from mild_core.perception.skeletons import SOURCES
 from mild_core.perception.stage import Perception, PerceptionSettings, PerceptionState
 from mild_core.signals import FeatureWindow, SkeletonFrame
-from mild_ros.bags import open_bag
+from mild_ros.bag.reader import open_bag
 from mild_ros.messages.skeletons import ADAPTERS, people_from_msg
 
 AZURE = SOURCES["azure_kinect"]

@@ -12,16 +12,16 @@ from mild_core.errors import BagError
 from mild_core.perception.skeletons import SOURCES
 from mild_core.perception.stage import Perception
 from mild_ros.assembly.perception import make_perception, manifest_of, robot_from_camera
-from mild_ros.bag_camera import FILE, camera_for, camera_text, read_camera, with_camera, write_camera
-from mild_ros.bag_people import people_in_bag
-from mild_ros.bags import open_bag
-from mild_ros.scenes import MODELS, ROCKET_KNEELING, SCENES, Scene, cameras
-from mild_ros.settings import PipelineParameters
+from mild_ros.assembly.settings import PipelineParameters
+from mild_ros.bag.camera import FILE, camera_for, camera_text, read_camera, with_camera, write_camera
+from mild_ros.bag.people import people_in_bag
+from mild_ros.bag.reader import open_bag
 from mild_ros.simulation.person import looking_at
 from test.conftest import ROOT
+from tools.scenes import MODELS, ROCKET_KNEELING, SCENES, Scene, cameras
 
 SWAY_M = 5e-4
-"""Of generated people about their feet; see `mild_ros.scenes`."""
+"""Of generated people about their feet; see `tools.scenes`."""
 
 EVERY = (*SCENES, ROCKET_KNEELING)
 
@@ -30,7 +30,7 @@ EVERY = (*SCENES, ROCKET_KNEELING)
 @pytest.mark.parametrize("robot", MODELS)
 def test_the_person_of_a_bag_stands_where_the_models_recordings_put_people(scene: Scene, robot: str) -> None:
     bag = ROOT / "bags" / scene.name
-    assert read_camera(bag, robot) == cameras(scene)[robot], "python -m mild_ros.scenes makes it again"
+    assert read_camera(bag, robot) == cameras(scene)[robot], "python -m tools.scenes makes it again"
     parameters = with_camera(PipelineParameters(model=MODELS[robot], robot=robot), bag)
     perception: Perception = make_perception(parameters, manifest_of(parameters.model))
     state = perception.init()

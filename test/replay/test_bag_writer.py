@@ -14,9 +14,9 @@ import pytest
 from rosbags.rosbag2 import Reader as Rosbag2Reader
 
 from mild_core.errors import BagError
-from mild_ros.bag_writer import create_bag
-from mild_ros.bags import open_bag
-from mild_ros.encoding import encode
+from mild_ros.bag.encoding import encode
+from mild_ros.bag.reader import open_bag
+from mild_ros.bag.writer import create_bag
 from test.replay.made_bags import COUNT, EXPECTED, JOINT_STATE, joint_state, positions, write_ours
 
 
@@ -62,9 +62,9 @@ import os
 import sys
 from pathlib import Path
 from mild_core.errors import BagError
-from mild_ros.bag_writer import create_bag
-from mild_ros.bags import jazzy_types
-from mild_ros.encoding import encode
+from mild_ros.bag.writer import create_bag
+from mild_ros.bag.reader import jazzy_types
+from mild_ros.bag.encoding import encode
 text = jazzy_types().types["std_msgs/msg/String"]
 try:
     with create_bag(Path(sys.argv[1]), durable=True) as bag:

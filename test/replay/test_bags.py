@@ -12,7 +12,7 @@ from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from mild_core.errors import BagError
-from mild_ros.bags import RawMessage, open_bag, topic_of_type
+from mild_ros.bag.reader import RawMessage, open_bag, topic_of_type
 from test.replay.made_bags import (
     COUNT,
     EXPECTED,

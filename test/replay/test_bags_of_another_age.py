@@ -22,10 +22,10 @@ from rosbags.typesys.store import Typestore
 
 from mild_core.errors import BagError, DataError
 from mild_core.perception.skeletons import SOURCES
-from mild_ros.bag_people import people_in_bag
-from mild_ros.bag_types import current_name, jazzy_types
-from mild_ros.bags import open_bag
-from mild_ros.encoding import encode
+from mild_ros.bag.encoding import encode
+from mild_ros.bag.people import people_in_bag
+from mild_ros.bag.reader import open_bag
+from mild_ros.bag.types import current_name, jazzy_types
 from test.replay.made_bags import EXPECTED, JOINT_STATE, joint_state, positions, refused, write_foreign, write_with_mcap
 from test.ros.foreign_messages import foreign_types
 

@@ -14,11 +14,11 @@ import pytest
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
 from mild_core.errors import BagError, DataError
-from mild_ros import salvage as salvaging
-from mild_ros.bag_writer import create_bag
-from mild_ros.bags import open_bag
-from mild_ros.faults.broken_bags import TEXTS, broken_bag
+from mild_ros.bag import salvage as salvaging
+from mild_ros.bag.reader import open_bag
+from mild_ros.bag.writer import create_bag
 from test.bench import bag_faults
+from test.faults.broken_bags import TEXTS, broken_bag
 from test.replay.made_bags import (
     COUNT,
     EXPECTED,

@@ -8,8 +8,8 @@ import pytest
 
 from mild_core.retargeting.robots.pepper import PEPPER
 from mild_core.retargeting.robots.yumi import YUMI
-from mild_ros.scenes import MODELS
 from test.conftest import ROOT
+from tools.scenes import MODELS
 
 SCRIPT = """
 import gc, sys
@@ -19,9 +19,9 @@ from mild_core.perception.skeletons import SOURCES
 from mild_core.retargeting.robots import ROBOTS
 from mild_ros.assembly.inference import load
 from mild_ros.assembly.pipeline import make_pipeline
-from mild_ros.bag_camera import with_camera
-from mild_ros.replay import Inputs, replay_in_process
-from mild_ros.settings import PipelineParameters
+from mild_ros.bag.camera import with_camera
+from mild_ros.replay.in_process import Inputs, replay_in_process
+from mild_ros.assembly.settings import PipelineParameters
 
 def compiled():
     return {one.py_func.__qualname__: len(one.signatures) for one in gc.get_objects() if isinstance(one, Dispatcher)}

@@ -17,16 +17,16 @@ from mild_ros.assembly.inference import load
 from mild_ros.assembly.perception import skeleton_source
 from mild_ros.assembly.pipeline import make_pipeline
 from mild_ros.assembly.retargeting import make_retargeting
-from mild_ros.bag_camera import with_camera
-from mild_ros.replay import Inputs, replay_in_process
-from mild_ros.report import used_limits
-from mild_ros.scenes import RATE_HZ, ROCKET_KNEELING, SCENES, arm_track
-from mild_ros.settings import PipelineParameters
-from mild_ros.viewing.recorded import read_run
+from mild_ros.assembly.settings import PipelineParameters
+from mild_ros.bag.camera import with_camera
+from mild_ros.replay.in_process import Inputs, replay_in_process
+from mild_ros.replay.recorded import read_run
+from mild_ros.viewing.report import used_limits
 from mild_ros.viewing.staging import stage
 from test.bench.contact import ROBOT, Episode, Story, play, story
 from test.conftest import ROOT
 from test.core.retargeting.limits import check_limits
+from tools.scenes import RATE_HZ, ROCKET_KNEELING, SCENES, arm_track
 
 TOUCHING = ("handshake", "rocket", "parachute")
 

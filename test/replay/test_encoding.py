@@ -15,8 +15,8 @@ from sensor_msgs.msg import JointState, PointCloud2, PointField
 from std_msgs.msg import Float64MultiArray, String
 from visualization_msgs.msg import Marker, MarkerArray
 
-from mild_ros.bags import jazzy_types
-from mild_ros.encoding import encode, restamped, type_name_of
+from mild_ros.bag.encoding import encode, restamped, type_name_of
+from mild_ros.bag.reader import jazzy_types
 
 SHIFT_NS = 1_234_567_891
 

@@ -17,9 +17,9 @@ from mild_core.signals import RECOGNITION_STATES
 from mild_ros.assembly.inference import load
 from mild_ros.assembly.perception import skeleton_source
 from mild_ros.assembly.pipeline import make_pipeline
-from mild_ros.bag_camera import with_camera
-from mild_ros.replay import Inputs, Step, replay_in_process
-from mild_ros.settings import PipelineParameters
+from mild_ros.assembly.settings import PipelineParameters
+from mild_ros.bag.camera import with_camera
+from mild_ros.replay.in_process import Inputs, Step, replay_in_process
 from test.habits.tree import ROOT
 
 EXAMPLES = ROOT / "examples"

@@ -14,14 +14,14 @@ import pytest
 
 from mild_core.errors import BagError
 from mild_core.yaml_budget import check_yaml
-from mild_ros.bag_budgets import OverBudgetError, TimeBudget, unbz2, unlz4, unzstd
-from mild_ros.bags import open_bag
-from mild_ros.faults.broken_bags import opened, write_ours
-from mild_ros.parameter_files import read_parameters
-from mild_ros.processes import PYTHON
-from mild_ros.settings import PipelineParameters
+from mild_ros.assembly.settings import PipelineParameters
+from mild_ros.bag.budgets import OverBudgetError, TimeBudget, unbz2, unlz4, unzstd
+from mild_ros.bag.reader import open_bag
+from mild_ros.environment.processes import PYTHON
+from mild_ros.node_kit.parameter_files import read_parameters
 from test.bench import hostile_files
 from test.bench.hostile_files import BAGS, OTHERS, START_NS, aliases, made
+from test.faults.broken_bags import opened, write_ours
 from test.habits.tree import ROOT
 
 MEMORY_BYTES, FILE_BYTES, SECONDS = 1 << 30, 1 << 30, 60
@@ -60,7 +60,8 @@ WORDS = {
 OPEN = """
 import json, resource, sys, tempfile
 from pathlib import Path
-from mild_ros.faults.broken_bags import opened
+sys.path.insert(0, str(Path.cwd()))
+from test.faults.broken_bags import opened
 file, salvage, memory, size, seconds = sys.argv[1:]
 page = resource.getpagesize()
 have = int(Path("/proc/self/statm").read_text().split()[0]) * page
@@ -227,7 +228,7 @@ def test_the_table_of_the_document_is_rewritten_and_nothing_else() -> None:
 
 
 def test_a_full_disk_for_temporary_files_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mild_ros.bag_budgets.SCRATCH_LEFT_BYTES", 1 << 60)
+    monkeypatch.setattr("mild_ros.bag.budgets.SCRATCH_LEFT_BYTES", 1 << 60)
     hostile_files.write_packed_file(tmp_path / "bag")
     with pytest.raises(BagError, match=r"would fill the disk of .*; set TMPDIR to"), open_bag(tmp_path / "bag"):
         pass

@@ -13,13 +13,13 @@ import pytest
 from mild_core.errors import BagError, DataError
 from mild_core.perception.skeletons import SOURCES
 from mild_core.retargeting.robots.yumi import YUMI
-from mild_ros.bag_writer import create_bag
-from mild_ros.bags import open_bag
-from mild_ros.encoding import encode
+from mild_ros.bag.encoding import encode
+from mild_ros.bag.reader import open_bag
+from mild_ros.bag.writer import create_bag
 from mild_ros.messages.stamps import time_to_msg
 from mild_ros.messages.standard import Marker, MarkerArray, standard_message
 from mild_ros.messages.transforms import TransformPeople
-from mild_ros.replay import Inputs
+from mild_ros.replay.in_process import Inputs
 
 S = 10**9
 START_NS = 1_700_000_000 * S

@@ -24,9 +24,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 
 from mild_core.errors import BagError
-from mild_ros.bags import open_bag
-from mild_ros.quality_of_service import HANDLED
-from mild_ros.record_node import OVERLAP_S, OnceEach
+from mild_ros.bag.reader import open_bag
+from mild_ros.node_kit.quality_of_service import HANDLED
+from mild_ros.nodes.record_node import OVERLAP_S, OnceEach
 from test.replay.processes import node, wait_until
 from test.ros.processes import Probe
 

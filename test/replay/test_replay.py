@@ -26,21 +26,21 @@ from mild_core.retargeting.robots.yumi import YUMI
 from mild_core.retargeting.stage import Request
 from mild_core.retargeting.trajectory_stream import STAND_S
 from mild_core.signals import ARM_JOINTS
+from mild_ros.assembly.bag_settings import ReplayParameters
 from mild_ros.assembly.inference import load
 from mild_ros.assembly.pipeline import make_pipeline
-from mild_ros.bag_settings import ReplayParameters
-from mild_ros.bag_writer import create_bag
-from mild_ros.bags import open_bag
-from mild_ros.controller_messages import ControllerMessages
-from mild_ros.encoding import encode, type_name_of
-from mild_ros.replay import Inputs, ReplaySummary, fold, replay_in_process
-from mild_ros.replay_events import TICK, with_ticks
-from mild_ros.scenes import SCENES, arm_track, write_scene
-from mild_ros.settings import NODES, PipelineParameters
+from mild_ros.assembly.settings import NODES, PipelineParameters
+from mild_ros.bag.encoding import encode, type_name_of
+from mild_ros.bag.reader import open_bag
+from mild_ros.bag.writer import create_bag
+from mild_ros.commands.controller_messages import ControllerMessages
+from mild_ros.replay.events import TICK, with_ticks
+from mild_ros.replay.in_process import Inputs, ReplaySummary, fold, replay_in_process
 from mild_ros.simulation.person import bodies, skeleton_frames
 from test.replay.made_model import save_random_model
 from test.replay.processes import node, wait_until
 from test.ros.driver_messages import DRIVERS
+from tools.scenes import SCENES, arm_track, write_scene
 
 INTERACTION = "hand_shake"
 """Given, not recognised: a model with random weights recognises nothing."""

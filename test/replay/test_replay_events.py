@@ -10,11 +10,11 @@ from rclpy.serialization import deserialize_message
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
-from mild_ros.bags import RawMessage, jazzy_types
-from mild_ros.encoding import encode, restamped
+from mild_ros.bag.encoding import encode, restamped
+from mild_ros.bag.reader import RawMessage, jazzy_types
 from mild_ros.messages.handled import Handled
-from mild_ros.replay_events import SKELETON, TICK, Event, with_ticks
-from mild_ros.sending import LockStep
+from mild_ros.replay.events import SKELETON, TICK, Event, with_ticks
+from mild_ros.replay.sending import LockStep
 
 MS = 1_000_000
 

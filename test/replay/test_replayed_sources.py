@@ -16,17 +16,17 @@ from mild_core.retargeting.robots.yumi import YUMI
 from mild_core.signals import SkeletonFrame
 from mild_ros.assembly.inference import load
 from mild_ros.assembly.pipeline import make_pipeline
-from mild_ros.bag_people import people_in_bag
-from mild_ros.bag_writer import create_bag
-from mild_ros.bags import open_bag
-from mild_ros.encoding import encode, restamped, type_name_of
-from mild_ros.replay import Inputs, replay_in_process
-from mild_ros.scenes import SCENES, arm_track
-from mild_ros.settings import PipelineParameters
+from mild_ros.assembly.settings import PipelineParameters
+from mild_ros.bag.encoding import encode, restamped, type_name_of
+from mild_ros.bag.people import people_in_bag
+from mild_ros.bag.reader import open_bag
+from mild_ros.bag.writer import create_bag
+from mild_ros.replay.in_process import Inputs, replay_in_process
 from mild_ros.simulation.person import bodies, skeleton_frames
 from test.replay.made_model import save_random_model
 from test.ros.driver_messages import DRIVERS, Driver
 from test.ros.foreign_messages import foreign_types
+from tools.scenes import SCENES, arm_track
 
 RATE_HZ, CONTROL_HZ, SECONDS, START_NS = 20.0, 50.0, 4.0, 1_700_000_000 * 10**9
 ALIKE_RAD = 0.03

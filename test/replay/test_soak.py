@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from mild_ros.assembly.inference import load
 from mild_ros.assembly.pipeline import make_pipeline
-from mild_ros.settings import PipelineParameters
+from mild_ros.assembly.settings import PipelineParameters
 from test.bench.soak import soaked
 
 

@@ -16,18 +16,18 @@ import pytest
 from mild_core.errors import BagError
 from mild_core.perception.skeletons import SOURCES, SkeletonSource
 from mild_core.retargeting.robots.yumi import YUMI
-from mild_ros.bag_people import source_fault
-from mild_ros.bag_writer import create_bag
-from mild_ros.bags import open_bag
+from mild_ros.assembly.settings import PipelineParameters
+from mild_ros.bag.encoding import encode
+from mild_ros.bag.people import source_fault
+from mild_ros.bag.reader import open_bag
+from mild_ros.bag.writer import create_bag
 from mild_ros.command_line.main import main
 from mild_ros.command_line.results import _lines
-from mild_ros.encoding import encode
 from mild_ros.messages.handled import Handled
 from mild_ros.messages.standard import Marker, MarkerArray
-from mild_ros.report import make_report
-from mild_ros.settings import PipelineParameters
-from mild_ros.stillness import counts_of, has_moved, why_still
-from mild_ros.viewing.recorded import JointTrack, RecordedRun, read_run
+from mild_ros.replay.recorded import JointTrack, RecordedRun, read_run
+from mild_ros.viewing.report import make_report
+from mild_ros.viewing.stillness import counts_of, has_moved, why_still
 from test.replay.made_model import save_random_model
 from test.replay.test_inputs import HAND, START_NS, Transforms, tracked, transform
 

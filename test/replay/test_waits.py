@@ -12,19 +12,20 @@ from pathlib import Path
 import pytest
 
 from mild_core.errors import SetupError
-from mild_ros import demo, processes
-from mild_ros.bag_settings import FIRST_HEARD
+from mild_ros.assembly.bag_settings import FIRST_HEARD
+from mild_ros.assembly.settings import PipelineParameters
 from mild_ros.command_line.main import main
-from mild_ros.demo import READY, RunOptions, run_nodes
-from mild_ros.processes import Nodes
-from mild_ros.settings import PipelineParameters
+from mild_ros.environment import processes
+from mild_ros.environment.processes import Nodes
+from mild_ros.replay import demo
+from mild_ros.replay.demo import READY, RunOptions, run_nodes
 from test.conftest import MARK, ROOT, processes_left
 from test.replay.made_model import save_random_model
 from test.replay.test_inputs import tracked
 
 HANGING = """
 import signal, sys
-node = sys.argv[2].removeprefix("mild_ros.").removesuffix("_node")
+node = sys.argv[2].removeprefix("mild_ros.nodes.").removesuffix("_node")
 print({said!r}.get(node, ""), flush=True)
 signal.pause()
 """

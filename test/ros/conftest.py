@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from mild_ros.priorities import CONTROL
+from mild_ros.node_kit.priorities import CONTROL
 from test.replay.made_model import save_random_model
 from test.ros.processes import NodeProcess, Probe
 

@@ -36,7 +36,7 @@ class NodeProcess:
 
     def __init__(self, name: str, parameters: Mapping[str, object], log: Path, words: tuple[str, ...] = ()) -> None:
         given = [word for key, value in parameters.items() for word in ("-p", f"{key}:={_yaml(value)}")]
-        command = [sys.executable, "-m", f"mild_ros.{name}_node", "--ros-args", *given, *words]
+        command = [sys.executable, "-m", f"mild_ros.nodes.{name}_node", "--ros-args", *given, *words]
         self.name, self._log = name, log
         with log.open("w") as output:
             self.process = subprocess.Popen(command, cwd=ROOT, stdout=output, stderr=subprocess.STDOUT)

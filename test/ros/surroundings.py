@@ -20,9 +20,9 @@ from mild_ros.messages.joint_state import joint_measurement_to_msg
 from mild_ros.messages.marker_array import people_to_marker_array
 from mild_ros.messages.pose_array import person_to_pose_array
 from mild_ros.messages.skeletons import ADAPTERS
-from mild_ros.scenes import SCENES, arm_track
 from mild_ros.simulation.person import bodies, skeleton_frames
 from test.ros.processes import Probe
+from tools.scenes import SCENES, arm_track
 
 YUMI = ROBOTS["yumi"]
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR

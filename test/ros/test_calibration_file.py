@@ -13,7 +13,7 @@ import pytest
 from mild_core.errors import SetupError
 from mild_core.perception.calibration import Calibration
 from mild_core.perception.stage import Perception
-from mild_ros.calibration_file import CalibrationFile
+from mild_ros.assembly.calibration_file import CalibrationFile
 from test.core.perception.scene import SETTINGS, People, at_rate, run, seen
 
 

@@ -15,14 +15,15 @@ from visualization_msgs.msg import MarkerArray
 from mild_core.errors import SetupError
 from mild_core.perception.skeletons import SOURCES
 from mild_core.retargeting.robots import ROBOTS
-from mild_ros import commanding, documentation
-from mild_ros.bag_writer import create_bag
-from mild_ros.bags import open_bag
-from mild_ros.command_topics import JOINT_COMMAND, command_types, commands_a_robot
+from mild_ros.bag.encoding import encode, type_name_of
+from mild_ros.bag.reader import open_bag
+from mild_ros.bag.writer import create_bag
+from mild_ros.commands.command_topics import JOINT_COMMAND, command_types, commands_a_robot
 from mild_ros.controllers import OUTPUTS
 from mild_ros.controllers.output import ControllerOutput
-from mild_ros.encoding import encode, type_name_of
-from mild_ros.replay import Inputs
+from mild_ros.nodes import commanding
+from mild_ros.replay.in_process import Inputs
+from tools import documentation
 
 HARMLESS = {"/note": String(), "/belief": Float64MultiArray(), "/camera/joint_command_note": String()}
 COMMANDS = {

@@ -24,13 +24,13 @@ from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
 
 from mild_core.signals import JointMeasurement, MotionWindow
-from mild_ros.commanding import DISCOVERY_S
-from mild_ros.faults.judge import Command, problems
 from mild_ros.messages.joint_state import joint_measurement_to_msg
 from mild_ros.messages.motion import motion_state_to_msg, motion_to_msg
 from mild_ros.messages.stamps import ns_from_msg, time_to_msg
-from mild_ros.priorities import BESIDE, CONTROL
-from mild_ros.quality_of_service import SERVICE
+from mild_ros.node_kit.priorities import BESIDE, CONTROL
+from mild_ros.node_kit.quality_of_service import SERVICE
+from mild_ros.nodes.commanding import DISCOVERY_S
+from test.faults.judge import Command, problems
 from test.ros.processes import END_S, NodeProcess, Probe
 from test.ros.surroundings import ERROR, YUMI, Surroundings
 
@@ -306,7 +306,10 @@ def test_commands_wait_until_others_would_have_been_seen(start: Callable[..., No
 
 PLANTED = """
 import signal, sys
-from mild_ros import commanding, life_topics, reception, retargeting_node
+from mild_ros.nodes import commanding
+from mild_ros.nodes import life_topics
+from mild_ros.node_kit import reception
+from mild_ros.nodes import retargeting_node
 where, name, error = sys.argv.pop(1).split(":")
 kind = {"commanding": commanding.Commanding, "life": life_topics.LifeTopics, "reception": reception.Reception}[where]
 sound, planted = getattr(kind, name), []

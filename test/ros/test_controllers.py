@@ -31,14 +31,14 @@ from mild_core.retargeting.trajectory_stream import (
 from mild_core.signals import JointCommand, JointMeasurement, MotionWindow
 from mild_ros.assembly.perception import manifest_of
 from mild_ros.assembly.retargeting import make_retargeting
-from mild_ros.controller_messages import ControllerMessages, delay_of
-from mild_ros.controller_settings import ControllerParameters
+from mild_ros.assembly.settings import PipelineParameters
+from mild_ros.commands.controller_messages import ControllerMessages, delay_of
+from mild_ros.commands.controller_settings import ControllerParameters
+from mild_ros.commands.joint_naming import joint_naming
 from mild_ros.controllers import OUTPUTS
 from mild_ros.controllers.output import Outgoing
-from mild_ros.joint_naming import joint_naming
 from mild_ros.messages.stamps import ns_from_msg
-from mild_ros.parameter_files import read_parameters
-from mild_ros.settings import PipelineParameters
+from mild_ros.node_kit.parameter_files import read_parameters
 from test.habits.tree import ROOT
 
 YUMI = ROBOTS["yumi"]

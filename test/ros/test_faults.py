@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mild_ros.faults.fault_bench import ROBOT, FaultBench
-from mild_ros.faults.judge import Command, problems
-from mild_ros.faults.page import row_start
-from mild_ros.faults.table import FAULTS, Fault
-from mild_ros.faults.trial import complaints, rest_after_s, running_room, tried, turned_rad
-from mild_ros.processes import private_domain
+from mild_ros.environment.processes import private_domain
+from test.faults.fault_bench import ROBOT, FaultBench
+from test.faults.judge import Command, problems
+from test.faults.page import row_start
+from test.faults.table import FAULTS, Fault
+from test.faults.trial import complaints, rest_after_s, running_room, tried, turned_rad
 from test.habits.tree import ROOT
 
 STEP_NS = 10_000_000

@@ -18,8 +18,8 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from mild_core.errors import DataError
-from mild_ros.diagnostics import Diagnostics
-from mild_ros.guarded import GuardedNode
+from mild_ros.node_kit.diagnostics import Diagnostics
+from mild_ros.node_kit.guarded import GuardedNode
 
 ROOT = Path(__file__).parents[2]
 pytestmark = pytest.mark.slow
@@ -113,7 +113,7 @@ def test_whatever_a_callback_raises_is_counted_and_the_node_goes_on(spun: Any) -
 
 def test_every_node_of_ours_is_guarded() -> None:
     found = []
-    for path in (ROOT / "mild_ros").glob("*_node.py"):
+    for path in (ROOT / "mild_ros" / "nodes").glob("*_node.py"):
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.ClassDef) and node.name.endswith("Node"):
                 found.append(node.name)

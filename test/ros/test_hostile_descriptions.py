@@ -14,13 +14,13 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
 from mild_core.errors import SetupError
-from mild_core.retargeting.kinematics import read_tree
+from mild_core.retargeting.robot_model.kinematics import read_tree
+from mild_core.retargeting.robot_model.urdf import CHAIN_LIMIT, LINKS_LIMIT, NAME_LIMIT, SHAPES_LIMIT, SIZE_LIMIT
 from mild_core.retargeting.robots import ROBOTS
-from mild_core.retargeting.urdf import CHAIN_LIMIT, LINKS_LIMIT, NAME_LIMIT, SHAPES_LIMIT, SIZE_LIMIT
-from mild_ros.assembly import trial_load
 from mild_ros.assembly.robot import make_robot
-from mild_ros.assembly.trial_load import survivable, try_load
+from mild_ros.simulation import trial_load
 from mild_ros.simulation.bullet import BulletRobot
+from mild_ros.simulation.trial_load import survivable, try_load
 from test.ros.processes import NodeProcess, Probe
 
 YUMI = ROBOTS["yumi"].urdf_path.read_text()

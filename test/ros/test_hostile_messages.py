@@ -24,14 +24,14 @@ from mild_core.signals import (
     MotionWindow,
     PersonPose,
 )
-from mild_ros.diagnostics import UNREMARKABLE
 from mild_ros.messages.feature_window import feature_window_to_msg
 from mild_ros.messages.joint_state import joint_command_to_msg, joint_measurement_to_msg
 from mild_ros.messages.motion import motion_state_to_msg, motion_to_msg
 from mild_ros.messages.person import person_to_msg
 from mild_ros.messages.skeletons import ADAPTERS
+from mild_ros.node_kit.diagnostics import UNREMARKABLE
+from mild_ros.nodes.tracker import FROM_BYTES
 from mild_ros.simulation.person import bodies, skeleton_frames
-from mild_ros.tracker import FROM_BYTES
 from test.core.perception.scene import SETTINGS, swing
 from test.ros.driver_messages import DRIVERS
 from test.ros.hostile import hostile

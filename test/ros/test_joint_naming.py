@@ -8,7 +8,7 @@ import pytest
 
 from mild_core.errors import SetupError
 from mild_core.signals import JointCommand, JointMeasurement
-from mild_ros.joint_naming import joint_naming
+from mild_ros.commands.joint_naming import joint_naming
 
 OURS, THEIRS = ("a", "b", "c"), ("j2", "j3", "j1")
 

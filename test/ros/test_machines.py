@@ -28,7 +28,7 @@ def test_two_machines_hear_each_other_as_set_up(
     reason = cannot_be_made()
     if reason:
         pytest.skip(f"no two machines: {reason}")
-    hello = [sys.executable, "-m", "mild_ros.discovery_probe", "hello"]
+    hello = [sys.executable, "-m", "mild_ros.environment.discovery_probe", "hello"]
     patience = "60" if heard else "5"  # silence has to be waited for
     names = ("first", "second")
     said = on_both(tuple([*hello, name, patience] for name in names), multicast, **environment)

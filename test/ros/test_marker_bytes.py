@@ -19,7 +19,7 @@ from visualization_msgs.msg import Marker, MarkerArray, MeshFile, UVCoordinate
 
 from mild_core.errors import DataError
 from mild_core.perception.skeletons import SOURCES
-from mild_ros.bags import open_bag
+from mild_ros.bag.reader import open_bag
 from mild_ros.messages.marker_array import people_from_marker_array
 from mild_ros.messages.marker_array_bytes import marker_array_from_bytes
 

@@ -13,7 +13,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from mild_core.inference.stage import Inference
 from mild_core.perception.stage import Perception
-from mild_core.retargeting.kinematics import forward_kinematics
+from mild_core.retargeting.robot_model.kinematics import forward_kinematics
 from mild_core.retargeting.robots.yumi import YUMI
 from mild_core.shapes import FloatArray
 from mild_core.signals import BODY_PARTS, FeatureWindow, JointMeasurement, MotionWindow, PersonPose
@@ -21,7 +21,7 @@ from mild_ros.assembly.inference import load
 from mild_ros.messages.feature_window import feature_window_to_msg
 from mild_ros.messages.joint_state import joint_measurement_to_msg
 from mild_ros.messages.person import person_to_msg
-from mild_ros.quality_of_service import BETWEEN_STAGES, STATE
+from mild_ros.node_kit.quality_of_service import BETWEEN_STAGES, STATE
 from test.core.perception.scene import SETTINGS, at_rate, seen
 from test.core.perception.test_person_tracker import beside
 from test.ros.processes import NodeProcess, Probe

@@ -6,10 +6,10 @@ from __future__ import annotations
 import pytest
 from std_msgs.msg import Header
 
-from mild_ros.clock import ControlGrid
-from mild_ros.measuring import Spread, Stream
 from mild_ros.messages.stamps import time_to_msg
-from mild_ros.pairing import StampPairs
+from mild_ros.node_kit.clock import ControlGrid
+from mild_ros.node_kit.measuring import Spread, Stream
+from mild_ros.replay.pairing import StampPairs
 
 MS = 1_000_000
 

@@ -23,8 +23,8 @@ from mild_core.signals import (
     MotionWindow,
     PersonPose,
 )
-from mild_ros.bags import jazzy_types
-from mild_ros.encoding import encode, type_name_of
+from mild_ros.bag.encoding import encode, type_name_of
+from mild_ros.bag.reader import jazzy_types
 from mild_ros.messages.belief import belief_to_msg
 from mild_ros.messages.feature_window import feature_window_from_msg, feature_window_to_msg
 from mild_ros.messages.handled import Handled, handled_from_msg, handled_to_msg

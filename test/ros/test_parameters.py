@@ -10,8 +10,8 @@ import rclpy
 from rclpy.parameter import Parameter
 
 from mild_core.errors import SetupError
-from mild_ros.parameters import about, declare, from_values, help_text, parameter, table_markdown
-from mild_ros.settings import NODES, PipelineParameters, RetargetingParameters
+from mild_ros.assembly.settings import NODES, PipelineParameters, RetargetingParameters
+from mild_ros.node_kit.parameters import about, declare, from_values, help_text, parameter, table_markdown
 
 
 @dataclass(frozen=True)

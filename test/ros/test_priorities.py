@@ -10,11 +10,11 @@ import threading
 
 import pytest
 
-from mild_ros.priorities import BESIDE, CONTROL, in_real_time
+from mild_ros.node_kit.priorities import BESIDE, CONTROL, in_real_time
 
 PROGRAM = """
 import os, threading
-from mild_ros.priorities import in_real_time
+from mild_ros.node_kit.priorities import in_real_time
 kinds = {os.SCHED_OTHER: "other", os.SCHED_FIFO: "fifo", os.SCHED_RR: "rr"}
 found, chosen, go = {}, threading.Event(), threading.Event()
 

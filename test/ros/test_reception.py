@@ -15,12 +15,12 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from std_msgs.msg import String
 
-from mild_ros.diagnostics import Diagnostics
-from mild_ros.parameters import declare
-from mild_ros.quality_of_service import SENSOR
-from mild_ros.reception import FLOOD_REST, KEPT, PER_S, Reception
-from mild_ros.settings import PerceptionParameters
-from mild_ros.threads import StageNode
+from mild_ros.assembly.settings import PerceptionParameters
+from mild_ros.node_kit.diagnostics import Diagnostics
+from mild_ros.node_kit.parameters import declare
+from mild_ros.node_kit.quality_of_service import SENSOR
+from mild_ros.node_kit.reception import FLOOD_REST, KEPT, PER_S, Reception
+from mild_ros.node_kit.threads import StageNode
 from test.ros.processes import Probe
 
 

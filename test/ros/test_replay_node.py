@@ -16,9 +16,9 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool
 from visualization_msgs.msg import Marker, MarkerArray
 
-from mild_ros.bag_writer import create_bag
-from mild_ros.bags import jazzy_types
-from mild_ros.encoding import encode
+from mild_ros.bag.encoding import encode
+from mild_ros.bag.reader import jazzy_types
+from mild_ros.bag.writer import create_bag
 from mild_ros.messages.stamps import ns_from_msg, time_to_msg
 from test.ros.processes import NodeProcess, Probe
 

@@ -8,10 +8,10 @@ from std_msgs.msg import String
 
 import mild_ros.assembly.robot
 from mild_core.errors import SetupError
-from mild_core.retargeting.kinematics import read_tree
+from mild_core.retargeting.robot_model.kinematics import read_tree
 from mild_core.retargeting.robots.pepper import PEPPER
 from mild_ros.assembly.robot import make_robot
-from mild_ros.quality_of_service import LATCHED
+from mild_ros.node_kit.quality_of_service import LATCHED
 from test.ros.processes import Probe
 
 

@@ -152,7 +152,7 @@ def test_a_wrong_environment_is_one_line(
 
 
 def test_help_lists_the_parameters() -> None:
-    command = [sys.executable, "-m", "mild_ros.retargeting_node", "--help"]
+    command = [sys.executable, "-m", "mild_ros.nodes.retargeting_node", "--help"]
     answer = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60, check=True)
     assert "control_rate_hz (default 100.0) [10 … 500 Hz]" in answer.stdout
 

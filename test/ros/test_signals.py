@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from mild_ros.running import _Interruption
+from mild_ros.node_kit.running import _Interruption
 
 SIGNALS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
 

@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from mild_core.errors import SetupError
-from mild_core.retargeting.kinematics import forward_kinematics, read_tree
+from mild_core.retargeting.robot_model.kinematics import forward_kinematics, read_tree
 from mild_core.retargeting.robots.yumi import YUMI
 from mild_core.signals import JointCommand
 from mild_ros.assembly.robot import make_robot

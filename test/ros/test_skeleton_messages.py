@@ -14,8 +14,8 @@ from visualization_msgs.msg import Marker, MarkerArray
 from mild_core.perception.skeletons import JOINTS, SOURCES
 from mild_core.perception.stage import PerceptionSettings
 from mild_core.signals import SkeletonFrame
-from mild_ros.bags import jazzy_types
-from mild_ros.encoding import encode, type_name_of
+from mild_ros.bag.encoding import encode, type_name_of
+from mild_ros.bag.reader import jazzy_types
 from mild_ros.messages.marker_array import people_to_marker_array
 from mild_ros.messages.pose_array import person_to_pose_array
 from mild_ros.messages.skeletons import ADAPTERS, people_from_msg

@@ -14,8 +14,8 @@ from mild_core.errors import DataError, SetupError
 from mild_core.perception.skeletons import SOURCES, SkeletonSource
 from mild_core.perception.stage import Perception, PerceptionState
 from mild_core.signals import FeatureWindow, SkeletonFrame
-from mild_ros.message_types import required_message_class
 from mild_ros.messages.joint_by_joint import People
+from mild_ros.messages.message_types import required_message_class
 from mild_ros.messages.skeletons import ADAPTERS, people_from_msg
 from test.core.perception.scene import SECOND, SETTINGS, at_rate, newest_arms, seen, truth
 from test.core.perception.test_calibration import mirrored

@@ -12,7 +12,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
-from mild_ros.encoding import encode
+from mild_ros.bag.encoding import encode
 from mild_ros.messages.standard import _stand_in, standard_message
 
 KINDS = ["geometry_msgs/msg/Pose", "sensor_msgs/msg/PointCloud2", "trajectory_msgs/msg/JointTrajectory"]

@@ -16,7 +16,7 @@ import pytest
 from mild_core.perception.skeletons import SOURCES
 from mild_core.pipeline import Pipeline, PipelineInput, PipelineOutput, PipelineState
 from mild_core.retargeting import trajectory_stream
-from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.robot_model.robot import RobotModel
 from mild_core.retargeting.robots import ROBOTS
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.retargeting.stage import Mode, Request, Retargeting
@@ -26,14 +26,14 @@ from mild_core.shapes import FloatArray
 from mild_core.signals import JointMeasurement, MotionWindow
 from mild_ros.assembly.inference import load
 from mild_ros.assembly.pipeline import make_pipeline
-from mild_ros.bags import open_bag
-from mild_ros.controller_messages import ControllerMessages
-from mild_ros.controller_settings import ControllerParameters
-from mild_ros.demo import RunOptions, run_nodes
-from mild_ros.joint_naming import joint_naming
+from mild_ros.assembly.settings import PipelineParameters
+from mild_ros.bag.reader import open_bag
+from mild_ros.commands.controller_messages import ControllerMessages
+from mild_ros.commands.controller_settings import ControllerParameters
+from mild_ros.commands.joint_naming import joint_naming
 from mild_ros.messages.stamps import ns_from_msg
-from mild_ros.replay import Inputs, fold
-from mild_ros.settings import PipelineParameters
+from mild_ros.replay.demo import RunOptions, run_nodes
+from mild_ros.replay.in_process import Inputs, fold
 from test.habits.tree import ROOT
 from test.ros.jtc_model import Played, Sent, Setting, play, sampled
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from mild_ros import processes
-from mild_ros.processes import hold_domain, private_domain
+from mild_ros.environment import processes
+from mild_ros.environment.processes import hold_domain, private_domain
 
 SECOND = 54321
 READS = ("--inh-caps", "+dac_read_search", "--ambient-caps", "+dac_read_search")
@@ -20,7 +20,7 @@ READS = ("--inh-caps", "+dac_read_search", "--ambient-caps", "+dac_read_search")
 HOLD = """
 import tempfile
 from mild_ros.assembly.private import private_folder
-from mild_ros.processes import hold_domain
+from mild_ros.environment.processes import hold_domain
 (private_folder() / "note").write_text("mine")
 print(hold_domain()[0])
 """

@@ -14,11 +14,11 @@ import pytest
 
 from mild_core.errors import SetupError
 from mild_core.inference.manifest import ControlledAgent
-from mild_core.retargeting.kinematics import forward_kinematics
-from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.robot_model.kinematics import forward_kinematics
+from mild_core.retargeting.robot_model.robot import RobotModel
+from mild_core.retargeting.robot_model.urdf import read_solids
 from mild_core.retargeting.robots.pepper import PEPPER
 from mild_core.retargeting.robots.yumi import YUMI
-from mild_core.retargeting.urdf import read_solids
 from mild_ros.assembly.robot import check_fit, make_robot
 from mild_ros.simulation.bullet import BulletRobot
 

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from mild_core.learning.baseline import Baseline
 from mild_core.learning.baselines.action_mean import ACTION_MEAN
 from mild_core.learning.baselines.buetepage import BUETEPAGE
 from mild_core.learning.baselines.gru import GRU
@@ -13,6 +12,7 @@ from mild_core.learning.baselines.mixture_density import MIXTURE_DENSITY, MIXTUR
 from mild_core.learning.baselines.nearest_neighbours import NEAREST_NEIGHBOURS
 from mild_core.learning.baselines.ridge import RIDGE
 from mild_core.learning.baselines.time_indexed_mean import TIME_INDEXED_MEAN
+from mild_core.learning.data.baseline import Baseline
 
 BASELINES: dict[str, Baseline] = {
     baseline.name: baseline

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mild_core.learning.baseline import Baseline, by_interaction
-from mild_core.learning.demonstration import Demonstration
-from mild_core.learning.windows import Protocol, thin
+from mild_core.learning.data.baseline import Baseline, by_interaction
+from mild_core.learning.data.demonstration import Demonstration
+from mild_core.learning.data.windows import Protocol, thin
 from mild_core.shapes import FloatArray
 
 

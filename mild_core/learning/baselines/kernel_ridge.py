@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from mild_core.learning.baseline import Baseline, by_interaction
+from mild_core.learning.baselines.kernels import SearchGrid, fit_chosen, gaussian
 from mild_core.learning.baselines.ridge import Regression
-from mild_core.learning.demonstration import Demonstration
-from mild_core.learning.kernels import SearchGrid, fit_chosen, gaussian
-from mild_core.learning.windows import Protocol
+from mild_core.learning.data.baseline import Baseline, by_interaction
+from mild_core.learning.data.demonstration import Demonstration
+from mild_core.learning.data.windows import Protocol
 
 GRID = SearchGrid(widths=(0.03, 0.1, 0.3, 1.0, 3.0), penalties=(0.1, 0.3, 1.0, 3.0, 10.0))
 

@@ -5,15 +5,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from mild_core.learning.baseline import Baseline, Predictor
-from mild_core.learning.demonstration import Demonstration
-from mild_core.learning.windows import Protocol
+from mild_core.learning.data.baseline import Baseline, Predictor
+from mild_core.learning.data.demonstration import Demonstration
+from mild_core.learning.data.windows import Protocol
 
 
 def fit(demonstrations: Sequence[Demonstration], protocol: Protocol, seed: int, given: bool = False) -> Predictor:
     """Learn all interactions with one network; `given`: the interaction is an input (see `Fit`)."""
-    from mild_core.learning.mixture_density import MixtureDensity
-    from mild_core.learning.recurrent import fit_recurrent
+    from mild_core.learning.baselines.density_network import MixtureDensity
+    from mild_core.learning.baselines.recurrent import fit_recurrent
 
     return fit_recurrent(demonstrations, protocol, seed, MixtureDensity, given)
 

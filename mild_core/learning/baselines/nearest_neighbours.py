@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mild_core.learning.baseline import Baseline, by_interaction, window_matrices
-from mild_core.learning.demonstration import Demonstration
-from mild_core.learning.folds import folds_of
-from mild_core.learning.kernels import INNER_FOLDS, STRIDE
-from mild_core.learning.windows import Protocol, cut
+from mild_core.learning.baselines.kernels import INNER_FOLDS, STRIDE
+from mild_core.learning.data.baseline import Baseline, by_interaction, window_matrices
+from mild_core.learning.data.demonstration import Demonstration
+from mild_core.learning.data.folds import folds_of
+from mild_core.learning.data.windows import Protocol, cut
 from mild_core.shapes import FloatArray
 
 NEIGHBOURS = (1, 3, 10, 30, 100)

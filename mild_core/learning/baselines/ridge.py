@@ -6,10 +6,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from mild_core.learning.baseline import Baseline, by_interaction
-from mild_core.learning.demonstration import Demonstration
-from mild_core.learning.kernels import KernelMachine, SearchGrid, fit_chosen, linear
-from mild_core.learning.windows import Protocol, cut
+from mild_core.learning.baselines.kernels import KernelMachine, SearchGrid, fit_chosen, linear
+from mild_core.learning.data.baseline import Baseline, by_interaction
+from mild_core.learning.data.demonstration import Demonstration
+from mild_core.learning.data.windows import Protocol, cut
 from mild_core.shapes import FloatArray
 
 GRID = SearchGrid(widths=(1.0,), penalties=(1.0, 10.0, 100.0, 1000.0, 10000.0))

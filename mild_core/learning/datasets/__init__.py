@@ -6,13 +6,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from mild_core.errors import unknown_name
+from mild_core.learning.data.recording import Recording
+from mild_core.learning.data.trials import recording_of
 from mild_core.learning.datasets.buetepage_hh import BUETEPAGE_HH
 from mild_core.learning.datasets.buetepage_hr import BUETEPAGE_HR
 from mild_core.learning.datasets.nuisi import NUISI
 from mild_core.learning.datasets.nuisi_v1 import NUISI_V1
 from mild_core.learning.datasets.pepper_nuisi import PEPPER_NUISI
-from mild_core.learning.recording import Recording
-from mild_core.learning.trials import recording_of
 
 DATASETS: dict[str, Recording] = {
     recording.name: recording for recording in (BUETEPAGE_HR, BUETEPAGE_HH, NUISI, PEPPER_NUISI, NUISI_V1)

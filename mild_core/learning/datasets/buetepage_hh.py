@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from mild_core.budgets import SETTINGS_BYTES, read_file, read_numbers
 from mild_core.errors import DatasetError
+from mild_core.learning.data.demonstration import Demonstration
+from mild_core.learning.data.recording import Demonstrations, Recording
+from mild_core.learning.data.safe_npz import REMEDY, numbers
+from mild_core.learning.data.windows import protocols
 from mild_core.learning.datasets.traj_data import from_the_shoulder
-from mild_core.learning.demonstration import Demonstration
-from mild_core.learning.recording import Demonstrations, Recording
-from mild_core.learning.safe_npz import REMEDY, numbers
-from mild_core.learning.windows import protocols
 from mild_core.shapes import FloatArray
 
 JOINTS = (

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from mild_core.errors import DatasetError
+from mild_core.learning.data.demonstration import Demonstration
+from mild_core.learning.data.recording import Demonstrations, Download, Recording
+from mild_core.learning.data.safe_npz import REMEDY, numbers
+from mild_core.learning.data.windows import protocols
 from mild_core.learning.datasets.traj_data import read_splits
-from mild_core.learning.demonstration import Demonstration
-from mild_core.learning.recording import Demonstrations, Download, Recording
-from mild_core.learning.safe_npz import REMEDY, numbers
-from mild_core.learning.windows import protocols
 
 OBSERVED_COLUMNS, CONTROLLED_COLUMNS = 9, 7
 WRIST_COLUMN = 4

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from mild_core.learning.data.demonstration import Demonstration
+from mild_core.learning.data.recording import Demonstrations, Download, Recording
+from mild_core.learning.data.safe_npz import numbers
+from mild_core.learning.data.windows import protocols
 from mild_core.learning.datasets.traj_data import from_the_shoulder, numbered, read_splits
-from mild_core.learning.demonstration import Demonstration
-from mild_core.learning.recording import Demonstrations, Download, Recording
-from mild_core.learning.safe_npz import numbers
-from mild_core.learning.windows import protocols
 
 JOINTS = (
     *("head", "neck", "torso", "waist", "left_shoulder", "left_elbow", "left_hand"),

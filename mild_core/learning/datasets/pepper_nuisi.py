@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from mild_core.learning.data.demonstration import Demonstration
+from mild_core.learning.data.recording import Demonstrations
 from mild_core.learning.datasets.nuisi import NUISI
-from mild_core.learning.demonstration import Demonstration
-from mild_core.learning.recording import Demonstrations
 from mild_core.shapes import FloatArray, require_shape
 
 SHOULDER_ROLL_RAD, ELBOW_ROLL_RAD = (-1.562, -0.0087), (0.0087, 1.562)

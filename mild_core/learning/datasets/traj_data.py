@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from mild_core.errors import DatasetError
-from mild_core.learning.demonstration import Demonstration
-from mild_core.learning.recording import SPLITS, Demonstrations
-from mild_core.learning.safe_npz import REMEDY, read_safe_npz
+from mild_core.learning.data.demonstration import Demonstration
+from mild_core.learning.data.recording import SPLITS, Demonstrations
+from mild_core.learning.data.safe_npz import REMEDY, read_safe_npz
 from mild_core.shapes import FloatArray
 
 TrialOf = Callable[[str, int, Any, Any], Demonstration]

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from mild_core.retargeting.arm_mapping import FourJointArm
-from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.robot_model.arm_mapping import FourJointArm
+from mild_core.retargeting.robot_model.robot import RobotModel
 from mild_core.shapes import read_only
 
 ARM = ("ShoulderPitch", "ShoulderRoll", "ElbowYaw", "ElbowRoll", "WristYaw")

@@ -10,7 +10,7 @@ from __future__ import annotations
 from math import radians
 from pathlib import Path
 
-from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.robot_model.robot import RobotModel
 from mild_core.shapes import read_only
 
 AXES = ("1", "2", "7", "3", "4", "5", "6")

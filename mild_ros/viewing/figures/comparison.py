@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from mild_ros.viewing.figures.style import BLUE, GREY, INK, PAGE_IN, VERMILION, counted, figure, rule, spoken
+from mild_ros.viewing.style import BLUE, GREY, INK, PAGE_IN, VERMILION, counted, figure, rule, spoken
 
 OURS, BAR = "mild", "kernel_ridge"
 BAR_DASHES = (0, (3, 2))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mild_core.shapes import FloatArray
-from mild_ros.viewing.figures.style import BLUE, INK, PAGE_IN, SKY, figure, rule, spoken
+from mild_ros.viewing.style import BLUE, INK, PAGE_IN, SKY, figure, rule, spoken
 
 NINE_IN_TEN = 1.645
 """Deviations to either side of a normal that hold 90 %."""

@@ -14,7 +14,7 @@ from matplotlib.patches import Ellipse
 from matplotlib.patheffects import withStroke
 
 from mild_core.shapes import FloatArray
-from mild_ros.viewing.figures.style import INK, PAGE_IN, VERMILION, figure, spoken
+from mild_ros.viewing.style import INK, PAGE_IN, VERMILION, figure, spoken
 
 DEVIATIONS = 2.0
 """Size of the ellipses: 86 % of a component's mass in the plane that is shown."""

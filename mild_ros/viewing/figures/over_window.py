@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from mild_core.shapes import FloatArray
-from mild_ros.viewing.figures.style import COLUMN_IN, GREY, INK, SERIES, figure, rule, spoken
+from mild_ros.viewing.style import COLUMN_IN, GREY, INK, SERIES, figure, rule, spoken
 
 DRAWS = 1000
 

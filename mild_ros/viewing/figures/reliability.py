@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from mild_ros.viewing.figures.style import BLUE, GREY, ORANGE, PAGE_IN, figure, rule, spoken
+from mild_ros.viewing.style import BLUE, GREY, ORANGE, PAGE_IN, figure, rule, spoken
 
 PANELS_A_ROW = 4
 

@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from mild_core.shapes import FloatArray
-from mild_ros.viewing.figures.style import GREY, INK, PAGE_IN, SERIES, VERMILION, figure, rule, spoken
+from mild_ros.viewing.style import GREY, INK, PAGE_IN, SERIES, VERMILION, figure, rule, spoken
 
 SHOWN_S = 60.0
 """A page's width shows about so much; longer bags get a wider picture."""

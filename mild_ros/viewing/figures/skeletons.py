@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from mild_core.shapes import FloatArray
-from mild_ros.viewing.figures.style import BLUE, GREY, ORANGE, PAGE_IN, figure, rule
+from mild_ros.viewing.style import BLUE, GREY, ORANGE, PAGE_IN, figure, rule
 
 VIEWS = {"side\nup [m]": (0, 2), "top\nleft [m]": (0, 1)}
 """Which axes are seen: x is from the person towards the other."""

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from mild_ros.viewing.figures.style import counted, spoken
+from mild_ros.viewing.style import counted, spoken
 
 PLUS_MINUS = r"$\pm$"
 UNITS = {"rad^2": ("rad²", r"rad$^2$"), "m^2": ("m²", r"m$^2$")}

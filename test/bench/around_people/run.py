@@ -20,7 +20,7 @@ from mild_core.retargeting.robots import ROBOTS
 from mild_core.signals import FeatureWindow, JointMeasurement, MotionWindow, SkeletonFrame
 from mild_ros.assembly.inference import load
 from mild_ros.assembly.pipeline import make_pipeline
-from mild_ros.settings import PipelineParameters
+from mild_ros.assembly.settings import PipelineParameters
 from test.bench.around_people.bodies import KINECT_JOINTS, Array, Person
 
 START_NS, TICK_NS = 1_700_000_000_000_000_000, 10_000_000

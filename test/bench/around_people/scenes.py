@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from mild_core.retargeting.robots import ROBOTS
-from mild_ros.scenes import SCENES as GESTURES
 from test.bench.around_people.bodies import (
     HANGING,
     HEAD_JOINTS,
@@ -32,6 +31,7 @@ from test.bench.around_people.bodies import (
     path,
 )
 from test.bench.around_people.run import Expectation, Setting, Tracker
+from tools.scenes import SCENES as GESTURES
 
 Rng = np.random.Generator
 

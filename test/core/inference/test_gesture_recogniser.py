@@ -24,7 +24,7 @@ from mild_core.inference.gesture_recogniser import (
 )
 from mild_core.inference.model import load_model
 from mild_core.inference.stage import Inference
-from mild_core.learning.gestures import GestureSettings, background_arms
+from mild_core.learning.training.gestures import GestureSettings, background_arms
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.shapes import FloatArray
 from mild_core.signals import NAMED, OFFERED, FeatureWindow

@@ -9,10 +9,10 @@ import pytest
 from mild_core.inference.model import build_model
 from mild_core.inference.rest_detection import BACK_M, first_seen, is_back, is_waiting, rests, watch
 from mild_core.inference.stage import Inference
-from mild_core.learning.export import ModelFacts, export
-from mild_core.learning.learned_model import finished
-from mild_core.learning.training import train
-from mild_core.learning.windows import PROTOCOLS, feature_windows
+from mild_core.learning.data.windows import PROTOCOLS, feature_windows
+from mild_core.learning.training.algorithm import train
+from mild_core.learning.training.export import ModelFacts, export
+from mild_core.learning.training.learned_model import finished
 from test.core.learning.made_trials import made_trial, made_trials
 from test.core.learning.small_settings import SMALL, TWO
 

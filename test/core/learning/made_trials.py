@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from mild_core.learning.demonstration import Demonstration
+from mild_core.learning.data.demonstration import Demonstration
 
 JOINTS = ("a", "b", "c")
 ARM = ("shoulder", "elbow", "hand")

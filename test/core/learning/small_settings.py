@@ -3,8 +3,8 @@
 
 from dataclasses import replace
 
-from mild_core.learning.presets import PAPER, SAME
-from mild_core.learning.settings import Architecture, Augmentation, PriorSettings, ReservoirSettings
+from mild_core.learning.training.presets import PAPER, SAME
+from mild_core.learning.training.settings import Architecture, Augmentation, PriorSettings, ReservoirSettings
 
 TWO = ("reach", "push")
 

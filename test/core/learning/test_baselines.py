@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from mild_core.learning.baselines import BASELINES
-from mild_core.learning.evaluation import errors_of_trial, summarise
-from mild_core.learning.folds import folds_of
-from mild_core.learning.kernels import SearchGrid, fit_chosen, linear
-from mild_core.learning.windows import PROTOCOLS, cut
+from mild_core.learning.baselines.kernels import SearchGrid, fit_chosen, linear
+from mild_core.learning.data.folds import folds_of
+from mild_core.learning.data.windows import PROTOCOLS, cut
+from mild_core.learning.evaluation.errors import errors_of_trial, summarise
 from test.core.learning.made_trials import made_trials
 
 TRIALS = made_trials(each=4)
@@ -20,7 +20,7 @@ RECURRENT = ("gru", "mixture_density", "mixture_density_given", "buetepage")
 
 @pytest.fixture(autouse=True)
 def short_training(monkeypatch):
-    monkeypatch.setattr("mild_core.learning.recurrent.EPOCHS", 6)
+    monkeypatch.setattr("mild_core.learning.baselines.recurrent.EPOCHS", 6)
 
 
 def macro(name, protocol="next", trials=TRIALS, seed=0):
@@ -64,7 +64,7 @@ def test_looking_at_the_human_beats_not_looking():
 
 @pytest.mark.parametrize("name", RECURRENT)
 def test_a_recurrent_network_learns_to_look_at_the_human(name, monkeypatch):
-    monkeypatch.setattr("mild_core.learning.recurrent.EPOCHS", 80)
+    monkeypatch.setattr("mild_core.learning.baselines.recurrent.EPOCHS", 80)
     uses_label = BASELINES[name].uses_label
     # Without the label, "reach" and "push" look alike in the person: both predictions are then halfway.
     assert macro(name) < (0.6 if uses_label else 1.0) * macro("action_mean")

@@ -7,7 +7,14 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from mild_core.learning.uncertainty_calibration import AIMS, HALF, LEVELS, REGION, CalibrationSample, calibrate
+from mild_core.learning.evaluation.uncertainty_calibration import (
+    AIMS,
+    HALF,
+    LEVELS,
+    REGION,
+    CalibrationSample,
+    calibrate,
+)
 
 NINETY, FIFTY = LEVELS.index(REGION), LEVELS.index(HALF)
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import pytest
 
-from mild_core.learning.card import cross_validation_entry, model_card
 from mild_core.learning.datasets.buetepage_hr import BUETEPAGE_HR
+from mild_core.learning.training.card import cross_validation_entry, model_card
 from test.core.inference.random_model import manifest, paper_member
 
 INTERACTION = {"mse": 0.04, "mse_std": 0.05, "windows": 100, "trials": 8}

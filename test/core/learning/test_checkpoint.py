@@ -8,10 +8,10 @@ import pytest
 import torch
 
 from mild_core.errors import SetupError
-from mild_core.learning.checkpoint import Checkpoint, identity
-from mild_core.learning.learned_model import finished
-from mild_core.learning.training import train
-from mild_core.learning.windows import PROTOCOLS
+from mild_core.learning.data.windows import PROTOCOLS
+from mild_core.learning.training.algorithm import train
+from mild_core.learning.training.checkpoint import Checkpoint, identity
+from mild_core.learning.training.learned_model import finished
 from test.core.learning.made_trials import made_trials
 from test.core.learning.small_settings import SMALL, SMALL_PAPER
 

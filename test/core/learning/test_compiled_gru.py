@@ -4,7 +4,7 @@
 import torch
 from torch import nn
 
-from mild_core.learning.compiled_gru import CompiledGRU, compile_memories
+from mild_core.learning.training.compiled_gru import CompiledGRU, compile_memories
 
 
 def states_and_slopes(layer: nn.Module, values: torch.Tensor) -> list[torch.Tensor]:

@@ -4,10 +4,15 @@
 import pytest
 
 from mild_core.errors import SetupError
-from mild_core.learning.configuration import configuration_for, configuration_names, overridden, read_configuration
 from mild_core.learning.datasets import DATASETS
-from mild_core.learning.presets import PRESETS
-from mild_core.learning.settings import Augmentation, TrainingSettings
+from mild_core.learning.training.configuration import (
+    configuration_for,
+    configuration_names,
+    overridden,
+    read_configuration,
+)
+from mild_core.learning.training.presets import PRESETS
+from mild_core.learning.training.settings import Augmentation, TrainingSettings
 
 HEAD = 'dataset = "nuisi"\nprotocol = "next"\n'
 

@@ -9,8 +9,8 @@ import pytest
 
 from mild_core.errors import DatasetError
 from mild_core.learning.datasets.buetepage_hr import BUETEPAGE_HR
-from mild_core.learning.place_fit import fit_contact, hand_of, touching
-from mild_core.retargeting.kinematics import forward_kinematics
+from mild_core.learning.training.place_fit import fit_contact, hand_of, touching
+from mild_core.retargeting.robot_model.kinematics import forward_kinematics
 from mild_core.retargeting.robots import ROBOTS
 from test.core.learning.made_trials import made_trial
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import torch
 
-from mild_core.learning.coordinates import plain_coordinates, principal_coordinates
-from mild_core.learning.corpus import augment, corpus_of, cut_tracks
-from mild_core.learning.settings import Augmentation
-from mild_core.learning.windows import PROTOCOLS, cut
+from mild_core.learning.data.coordinates import plain_coordinates, principal_coordinates
+from mild_core.learning.data.windows import PROTOCOLS, cut
+from mild_core.learning.training.corpus import augment, corpus_of, cut_tracks
+from mild_core.learning.training.settings import Augmentation
 from test.core.learning.made_trials import made_trials
 from test.core.learning.small_settings import TWO
 

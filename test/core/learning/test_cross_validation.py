@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from mild_core.errors import SetupError
-from mild_core.learning.comparison import compare
-from mild_core.learning.cross_validation import ONE_THREAD, Job, Result, jobs_of, run_job, run_jobs
-from mild_core.learning.evaluation import TrialErrors
+from mild_core.learning.evaluation.comparison import compare
+from mild_core.learning.evaluation.cross_validation import ONE_THREAD, Job, Result, jobs_of, run_job, run_jobs
+from mild_core.learning.evaluation.errors import TrialErrors
 from test.core.learning.test_buetepage_hr import one_hot, track, write
 
 

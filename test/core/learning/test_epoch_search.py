@@ -8,12 +8,12 @@ import pytest
 import torch
 
 from mild_core.errors import DatasetError
-from mild_core.learning import epoch_search
-from mild_core.learning.epoch_search import converged, lengths
-from mild_core.learning.learned_model import finished
-from mild_core.learning.presets import PRESETS
-from mild_core.learning.training import train
-from mild_core.learning.windows import PROTOCOLS
+from mild_core.learning.data.windows import PROTOCOLS
+from mild_core.learning.training import epoch_search
+from mild_core.learning.training.algorithm import train
+from mild_core.learning.training.epoch_search import converged, lengths
+from mild_core.learning.training.learned_model import finished
+from mild_core.learning.training.presets import PRESETS
 from test.core.learning.made_trials import made_trials
 from test.core.learning.small_settings import SMALL
 

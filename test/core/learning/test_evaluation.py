@@ -6,8 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from mild_core.learning.evaluation import TrialErrors, errors_of_trial, summarise
-from mild_core.learning.windows import PROTOCOLS, cut
+from mild_core.learning.data.windows import PROTOCOLS, cut
+from mild_core.learning.evaluation.errors import TrialErrors, errors_of_trial, summarise
 from test.core.learning.made_trials import made_trial
 
 SAME = PROTOCOLS["same"]

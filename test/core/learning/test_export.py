@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from mild_core.inference.model import build_model, load_model, save_model
-from mild_core.learning.export import ModelFacts, export
-from mild_core.learning.learned_model import finished
-from mild_core.learning.model_predictor import ModelPredictor
-from mild_core.learning.novelty import bone_lengths_m
-from mild_core.learning.training import train
-from mild_core.learning.windows import PROTOCOLS
+from mild_core.learning.data.windows import PROTOCOLS
+from mild_core.learning.training.algorithm import train
+from mild_core.learning.training.export import ModelFacts, export
+from mild_core.learning.training.learned_model import finished
+from mild_core.learning.training.model_predictor import ModelPredictor
+from mild_core.learning.training.novelty import bone_lengths_m
 from test.core.learning.made_trials import JOINTS, made_trial, made_trials
 from test.core.learning.small_settings import SMALL, SMALL_PAPER
 

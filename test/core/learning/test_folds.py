@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Folds hold out every trial once and divide each interaction evenly."""
 
-from mild_core.learning.folds import folds_of
+from mild_core.learning.data.folds import folds_of
 from test.core.learning.made_trials import made_trials
 
 

@@ -10,11 +10,11 @@ import pytest
 
 from mild_core.inference.gesture_recogniser import FOREARM, GESTURES, UPPER_ARM
 from mild_core.inference.manifest_reading import read_manifest
-from mild_core.learning.gestures import has_left_rest
-from mild_core.learning.kinematic_people import LICENCE, TOUCHING, TRIALS_HZ, kinematic_trials, perform
-from mild_core.learning.licences import both, licence_of, sources_of
-from mild_core.learning.trials import recording_of, write_trials
-from mild_core.retargeting.chain import chain_of
+from mild_core.learning.data.trials import recording_of, write_trials
+from mild_core.learning.training.gestures import has_left_rest
+from mild_core.learning.training.kinematic_people import LICENCE, TOUCHING, TRIALS_HZ, kinematic_trials, perform
+from mild_core.learning.training.licences import both, licence_of, sources_of
+from mild_core.retargeting.robot_model.chain import chain_of
 from mild_core.retargeting.robots import ROBOTS
 
 MODELS = Path(__file__).parents[3] / "models"

@@ -6,8 +6,8 @@ import torch
 
 from mild_core.inference.gaussian import Gaussian, kl_divergence
 from mild_core.inference.priors.hsmm import HSMM
-from mild_core.learning.latent_prior import latent_prior
-from mild_core.learning.vae import Posterior, drop, posterior_of
+from mild_core.learning.training.latent_prior import latent_prior
+from mild_core.learning.training.vae import Posterior, drop, posterior_of
 
 RNG = np.random.default_rng(3)
 Q, STEPS = 3, 30

@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mild_core.learning import presets
-from mild_core.learning.baseline import GIVEN, RECOGNISED, STARTED
-from mild_core.learning.cross_validation import Job, run_job
-from mild_core.learning.learned_model import learn
-from mild_core.learning.methods import METHODS
-from mild_core.learning.windows import PROTOCOLS, cut
+from mild_core.learning.data.baseline import GIVEN, RECOGNISED, STARTED
+from mild_core.learning.data.windows import PROTOCOLS, cut
+from mild_core.learning.evaluation.cross_validation import Job, run_job
+from mild_core.learning.evaluation.methods import METHODS
+from mild_core.learning.training import presets
+from mild_core.learning.training.learned_model import learn
 from test.core.learning.made_trials import made_trials, smooth_track
 from test.core.learning.small_settings import SMALL, SMALL_PAPER
 from test.core.learning.test_buetepage_hr import one_hot, write
@@ -23,7 +23,7 @@ TRIALS = made_trials(each=3)
 def small_presets(monkeypatch):
     small = {"paper": SMALL_PAPER, "same": SMALL, "ahead": SMALL, "next": SMALL}
     monkeypatch.setattr(presets, "PRESETS", small)
-    monkeypatch.setattr("mild_core.learning.methods.PRESETS", small)
+    monkeypatch.setattr("mild_core.learning.evaluation.methods.PRESETS", small)
 
 
 @pytest.mark.parametrize("small", [SMALL, SMALL_PAPER], ids=["ours", "the paper's"])

@@ -9,8 +9,8 @@ import pytest
 from mild_core.errors import ModelError
 from mild_core.inference.model import build_model
 from mild_core.inference.stage import Inference
-from mild_core.learning.model_predictor import AUTO, ModelPredictor, require_fit
-from mild_core.learning.windows import PROTOCOLS, cut, feature_windows
+from mild_core.learning.data.windows import PROTOCOLS, cut, feature_windows
+from mild_core.learning.training.model_predictor import AUTO, ModelPredictor, require_fit
 from test.core.inference.random_model import INTERACTIONS, YUMI_JOINTS, manifest, paper_member, random_arrays
 from test.core.learning.made_trials import made_trial
 

@@ -9,13 +9,13 @@ import torch
 
 from mild_core.inference.gaussian import Gaussian, kl_divergence
 from mild_core.inference.priors import HSMM
-from mild_core.learning.corpus import corpus_of, cut_tracks
-from mild_core.learning.latent_prior import latent_prior
-from mild_core.learning.objective import Objective, Terms
-from mild_core.learning.settings import LossWeights
-from mild_core.learning.training import window_coordinates
-from mild_core.learning.vae import MemberNetworks, Posterior
-from mild_core.learning.windows import PROTOCOLS
+from mild_core.learning.data.windows import PROTOCOLS
+from mild_core.learning.training.algorithm import window_coordinates
+from mild_core.learning.training.corpus import corpus_of, cut_tracks
+from mild_core.learning.training.latent_prior import latent_prior
+from mild_core.learning.training.objective import Objective, Terms
+from mild_core.learning.training.settings import LossWeights
+from mild_core.learning.training.vae import MemberNetworks, Posterior
 from test.core.learning.made_trials import made_trials
 from test.core.learning.small_settings import SMALL, TWO
 

@@ -9,12 +9,12 @@ import pytest
 from mild_core.errors import DatasetError
 from mild_core.inference.model import build_model
 from mild_core.inference.priors import PRIORS
-from mild_core.learning.evaluation import errors_of_trial
-from mild_core.learning.export import ModelFacts, export
-from mild_core.learning.model_predictor import ModelPredictor
-from mild_core.learning.training import require_learnable, train
-from mild_core.learning.trial_validity import require_valid
-from mild_core.learning.windows import PROTOCOLS
+from mild_core.learning.data.trial_validity import require_valid
+from mild_core.learning.data.windows import PROTOCOLS
+from mild_core.learning.evaluation.errors import errors_of_trial
+from mild_core.learning.training.algorithm import require_learnable, train
+from mild_core.learning.training.export import ModelFacts, export
+from mild_core.learning.training.model_predictor import ModelPredictor
 from test.core.learning.made_trials import ARM, made_trials
 from test.core.learning.small_settings import SMALL, TWO
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 import torch
 
-from mild_core.learning.corpus import corpus_of
-from mild_core.learning.demonstration import Demonstration
-from mild_core.learning.paired import MISSED_M, bent_arm, repeated_by_others
-from mild_core.learning.settings import Paired
-from mild_core.learning.windows import PROTOCOLS
-from mild_core.retargeting.kinematics import forward_kinematics
+from mild_core.learning.data.demonstration import Demonstration
+from mild_core.learning.data.windows import PROTOCOLS
+from mild_core.learning.training.corpus import corpus_of
+from mild_core.learning.training.paired import MISSED_M, bent_arm, repeated_by_others
+from mild_core.learning.training.settings import Paired
+from mild_core.retargeting.robot_model.kinematics import forward_kinematics
 from mild_core.retargeting.robots.yumi import YUMI
 from test.core.learning.made_trials import made_trial, made_trials
 

@@ -8,14 +8,14 @@ import pytest
 import torch
 
 from mild_core.inference.model import build_model
-from mild_core.learning.corpus import corpus_of, cut_tracks
-from mild_core.learning.export import ModelFacts, export, recognition_rates
-from mild_core.learning.learned_model import finished
-from mild_core.learning.presets import PAPER, SAME
-from mild_core.learning.recogniser import STARTED_M, train_recogniser
-from mild_core.learning.settings import Augmentation, RecogniserSettings
-from mild_core.learning.training import drawing_from, train
-from mild_core.learning.windows import PROTOCOLS
+from mild_core.learning.data.windows import PROTOCOLS
+from mild_core.learning.training.algorithm import drawing_from, train
+from mild_core.learning.training.corpus import corpus_of, cut_tracks
+from mild_core.learning.training.export import ModelFacts, export, recognition_rates
+from mild_core.learning.training.learned_model import finished
+from mild_core.learning.training.presets import PAPER, SAME
+from mild_core.learning.training.recogniser import STARTED_M, train_recogniser
+from mild_core.learning.training.settings import Augmentation, RecogniserSettings
 from test.core.learning.made_trials import made_trial, made_trials
 from test.core.learning.small_settings import SMALL, TWO
 

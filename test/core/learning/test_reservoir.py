@@ -10,15 +10,15 @@ from mild_core.errors import ModelError
 from mild_core.inference.model import build_model
 from mild_core.inference.reservoir import Reservoir
 from mild_core.inference.stage import Inference
-from mild_core.learning.export import ModelFacts, export
-from mild_core.learning.learned_model import finished
-from mild_core.learning.model_predictor import ModelPredictor
-from mild_core.learning.presets import PAPER
-from mild_core.learning.reservoir import fit_reservoir
-from mild_core.learning.reservoir_trials import STRIDE
-from mild_core.learning.settings import ReservoirSettings
-from mild_core.learning.training import train
-from mild_core.learning.windows import PROTOCOLS, cut, feature_windows, onset_frame
+from mild_core.learning.data.windows import PROTOCOLS, cut, feature_windows, onset_frame
+from mild_core.learning.training.algorithm import train
+from mild_core.learning.training.export import ModelFacts, export
+from mild_core.learning.training.learned_model import finished
+from mild_core.learning.training.model_predictor import ModelPredictor
+from mild_core.learning.training.presets import PAPER
+from mild_core.learning.training.reservoir import fit_reservoir
+from mild_core.learning.training.reservoir_trials import STRIDE
+from mild_core.learning.training.settings import ReservoirSettings
 from test.core.learning.made_trials import made_trial, made_trials
 from test.core.learning.small_settings import SMALL, TWO
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mild_core.errors import DatasetError
-from mild_core.learning.safe_npz import read_safe_npz
+from mild_core.learning.data.safe_npz import read_safe_npz
 
 
 class Call:
@@ -127,7 +127,7 @@ def test_a_huge_memo_index_costs_nothing(tmp_path):
 
 
 def test_a_zip_bomb_is_refused_unread(tmp_path, monkeypatch):
-    monkeypatch.setattr("mild_core.learning.safe_npz.LARGEST_BYTES", 1000)
+    monkeypatch.setattr("mild_core.learning.data.safe_npz.LARGEST_BYTES", 1000)
     np.savez_compressed(tmp_path / "a.npz", tracks=np.zeros(1000))
     with pytest.raises(DatasetError, match=r"unpacks to .*, more than 1 kB"):
         read_safe_npz(tmp_path / "a.npz", ["tracks"])

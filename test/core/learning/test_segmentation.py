@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from mild_core.learning.segmentation import (
+from mild_core.learning.data.segmentation import (
     CUT_OFF,
     GAP,
     OTHER_STILL,

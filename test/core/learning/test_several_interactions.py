@@ -8,8 +8,8 @@ import pytest
 
 from mild_core.inference.model import load_model
 from mild_core.inference.stage import Inference
+from mild_core.learning.data.windows import feature_windows, onset_window
 from mild_core.learning.datasets import DATASETS
-from mild_core.learning.windows import feature_windows, onset_window
 from test.conftest import ROOT
 
 ORDERS = (

@@ -10,12 +10,12 @@ import pytest
 import torch
 
 from mild_core.errors import SetupError
-from mild_core.learning import training
-from mild_core.learning.learned_model import finished
-from mild_core.learning.presets import PRESETS
-from mild_core.learning.settings import LossWeights
-from mild_core.learning.training import train
-from mild_core.learning.windows import PROTOCOLS, cut
+from mild_core.learning.data.windows import PROTOCOLS, cut
+from mild_core.learning.training import algorithm as training
+from mild_core.learning.training.algorithm import train
+from mild_core.learning.training.learned_model import finished
+from mild_core.learning.training.presets import PRESETS
+from mild_core.learning.training.settings import LossWeights
 from test.core.learning.made_trials import made_trial, made_trials
 from test.core.learning.small_settings import PLAIN, SMALL, SMALL_PAPER, TWO
 
@@ -167,8 +167,8 @@ def test_trials_of_fewer_windows_than_the_gradients_stride_are_learned_too():
 def test_hidden_layers_are_carried_over_where_sizes_agree_and_nothing_else_is():
     import torch
 
-    from mild_core.learning.transfer import transfer_layers
-    from mild_core.learning.vae import MemberNetworks
+    from mild_core.learning.training.transfer import transfer_layers
+    from mild_core.learning.training.vae import MemberNetworks
 
     architecture = SMALL.architecture
 

@@ -8,10 +8,10 @@ import pytest
 
 from mild_core.errors import DatasetError, SetupError
 from mild_core.inference.manifest import ControlledAgent, HumanPlacement, ObservedAgent
-from mild_core.learning.configuration import configuration_for, read_configuration
+from mild_core.learning.data.trials import ARRAYS, MANIFEST, TrialEntry, Trials, write_trials
+from mild_core.learning.data.units import ANGLES, POSITIONS
 from mild_core.learning.datasets import recording_named
-from mild_core.learning.trials import ARRAYS, MANIFEST, TrialEntry, Trials, write_trials
-from mild_core.learning.units import ANGLES, POSITIONS
+from mild_core.learning.training.configuration import configuration_for, read_configuration
 from test.core.learning.made_trials import ARM, JOINTS, made_trials
 
 PLACED = HumanPlacement((1.1, -0.2, 0.3), 3.0, {"reach": (1.0, 0.1, 0.2)}, (0.3, 0.32))

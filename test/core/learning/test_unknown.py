@@ -4,11 +4,11 @@
 import numpy as np
 import pytest
 
+from mild_core.learning.data.folds import folds_of
+from mild_core.learning.data.windows import PROTOCOLS, onset_window
 from mild_core.learning.datasets import DATASETS
-from mild_core.learning.folds import folds_of
-from mild_core.learning.novelty import clustered, settled_scores, territory_of
-from mild_core.learning.unknown import leave_one_out, separation
-from mild_core.learning.windows import PROTOCOLS, onset_window
+from mild_core.learning.evaluation.unknown import leave_one_out, separation
+from mild_core.learning.training.novelty import clustered, settled_scores, territory_of
 from test.core.learning.made_trials import made_trial, made_trials
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mild_core.errors import SetupError
-from mild_core.learning.windows import PROTOCOLS, cut, feature_windows, features_of, protocol_named, thin
+from mild_core.learning.data.windows import PROTOCOLS, cut, feature_windows, features_of, protocol_named, thin
 from test.core.learning.made_trials import made_trial
 
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from mild_core.perception.stage import Perception
-from mild_ros.scenes import ROCKET_KNEELING, SCENES, Scene, arm_track
 from mild_ros.simulation.person import BODY_JOINTS, bodies, skeleton_frames
 from test.core.perception.scene import SECOND, SETTINGS, People, at_rate, run, seen
+from tools.scenes import ROCKET_KNEELING, SCENES, Scene, arm_track
 
 RATE_HZ = 30.0
 FREEZES_S, THAWS_S = 2.5, 4.0

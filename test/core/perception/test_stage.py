@@ -10,8 +10,6 @@ import pytest
 
 from mild_core.perception.stage import Perception
 from mild_core.signals import SkeletonFrame
-from mild_ros.faults.people import TrackerFault, left_is_right, turned
-from mild_ros.faults.table import MIRROR
 from test.core.perception.scene import (
     FASTEST_M_S,
     PERSON,
@@ -28,6 +26,8 @@ from test.core.perception.scene import (
     swing,
     truth,
 )
+from test.faults.people import TrackerFault, left_is_right, turned
+from test.faults.table import MIRROR
 
 EXACT_M = 1e-9
 """Positions are rotated and scaled in float64 at the scale of metres: about 1e-15 of them is lost."""

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mild_core.retargeting.limit_check import ROUNDING_RAD, exceeded_limits
-from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.robot_model.robot import RobotModel
 from mild_core.signals import JointCommand
 
 __all__ = ["ROUNDING_RAD", "check_limits"]

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mild_core.retargeting.arm_following import arm_follower
-from mild_core.retargeting.chain import chain_of
 from mild_core.retargeting.human_track import AssumedPlacement
-from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.robot_model.arm_following import arm_follower
+from mild_core.retargeting.robot_model.chain import chain_of
+from mild_core.retargeting.robot_model.robot import RobotModel
 from mild_core.retargeting.stage import Retargeting, RetargetingInput, RetargetingSettings
 from mild_core.shapes import FloatArray
 from mild_core.signals import ARM_JOINTS, JointCommand, JointMeasurement, MotionWindow

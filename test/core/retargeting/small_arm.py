@@ -5,9 +5,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from mild_core.retargeting.kinematics import read_tree
-from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.robot_file import read_robot
+from mild_core.retargeting.robot_model.kinematics import read_tree
+from mild_core.retargeting.robot_model.robot import RobotModel
 
 MASS = (
     '<inertial><origin xyz="0.15 0 0"/><mass value="2"/>'

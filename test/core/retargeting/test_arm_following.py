@@ -11,8 +11,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from mild_core.errors import SetupError
-from mild_core.retargeting.arm_following import LinkFollower
-from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.robot_model.arm_following import LinkFollower
+from mild_core.retargeting.robot_model.robot import RobotModel
 from mild_core.retargeting.robots.pepper import PEPPER
 from mild_core.retargeting.robots.yumi import YUMI
 from mild_core.retargeting.stage import Retargeting

@@ -13,9 +13,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mild_core.learning.safe_npz import read_safe_npz
-from mild_core.retargeting.arm_mapping import Direction, FourJointArm
-from mild_core.retargeting.kinematics import forward_kinematics
+from mild_core.learning.data.safe_npz import read_safe_npz
+from mild_core.retargeting.robot_model.arm_mapping import Direction, FourJointArm
+from mild_core.retargeting.robot_model.kinematics import forward_kinematics
 from mild_core.retargeting.robots.pepper import HOME_RAD, PEPPER
 
 assert PEPPER.arm is not None

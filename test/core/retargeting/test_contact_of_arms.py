@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mild_core.retargeting.chain import chain_of
-from mild_core.retargeting.robot import RobotModel
 from mild_core.retargeting.robot_file import find_robot
+from mild_core.retargeting.robot_model.chain import chain_of
+from mild_core.retargeting.robot_model.robot import RobotModel
 from mild_core.retargeting.robots.pepper import PEPPER
 from mild_core.shapes import FloatArray
 from mild_core.signals import JointCommand

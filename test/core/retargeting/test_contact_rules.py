@@ -8,7 +8,6 @@ import math
 import numpy as np
 import pytest
 
-from mild_core.retargeting.chain import chain_of
 from mild_core.retargeting.contact import (
     ARRIVING_M,
     FAR_M,
@@ -23,6 +22,7 @@ from mild_core.retargeting.contact import (
     smooth,
     stiffness,
 )
+from mild_core.retargeting.robot_model.chain import chain_of
 from mild_core.retargeting.robots.yumi import YUMI
 
 CHAIN = chain_of(YUMI)

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from mild_core.errors import SetupError
-from mild_core.retargeting.capsules import capsules_of
-from mild_core.retargeting.chain import chain_of
 from mild_core.retargeting.guard import Guard
-from mild_core.retargeting.inverse_kinematics import InverseKinematics, Reach
-from mild_core.retargeting.kinematics import forward_kinematics, read_tree
-from mild_core.retargeting.rigid_bodies import rigid_bodies
 from mild_core.retargeting.robot_file import read_robot
+from mild_core.retargeting.robot_model.capsules import capsules_of
+from mild_core.retargeting.robot_model.chain import chain_of
+from mild_core.retargeting.robot_model.inverse_kinematics import InverseKinematics, Reach
+from mild_core.retargeting.robot_model.kinematics import forward_kinematics, read_tree
+from mild_core.retargeting.robot_model.rigid_bodies import rigid_bodies
 from mild_core.retargeting.settings import RetargetingSettings
 from test.core.retargeting.small_arm import ARM, COPYING, LIMIT, joint, link, small_arm, with_more, written
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mild_core.learning.data.demonstration import Demonstration
 from mild_core.learning.datasets.buetepage_hr import BUETEPAGE_HR
-from mild_core.learning.demonstration import Demonstration
 from mild_core.retargeting.robots.yumi import YUMI
 from mild_core.retargeting.stage import Retargeting, RetargetingSettings
 from mild_core.shapes import FloatArray

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from mild_core.retargeting.chain import NOTHING_NEAR_M, chain_of, least_clearance
-from mild_core.retargeting.inverse_kinematics import InverseKinematics, Reach
-from mild_core.retargeting.kinematics import forward_kinematics
-from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.robot_model.chain import NOTHING_NEAR_M, chain_of, least_clearance
+from mild_core.retargeting.robot_model.inverse_kinematics import InverseKinematics, Reach
+from mild_core.retargeting.robot_model.kinematics import forward_kinematics
+from mild_core.retargeting.robot_model.robot import RobotModel
 from mild_core.retargeting.robots.pepper import PEPPER
 from mild_core.retargeting.robots.yumi import YUMI
 

@@ -9,8 +9,12 @@ from itertools import product
 import numpy as np
 import pytest
 
-from mild_core.retargeting.capsules import capsules_of
-from mild_core.retargeting.chain import (
+from mild_core.retargeting.clearance import BREACHES, LEAST_M_S, LOOK_SELF_M, find_breach, path_bounds
+from mild_core.retargeting.guard import APART_M, HAND_ROOM_M, ROUNDING, TOO_FAST, UNPACED_M, Guard
+from mild_core.retargeting.limiter import JointMotion, Limiter
+from mild_core.retargeting.obstacles import NO_ONE, Obstacles
+from mild_core.retargeting.robot_model.capsules import capsules_of
+from mild_core.retargeting.robot_model.chain import (
     chain_of,
     frames_of,
     least_clearance,
@@ -18,16 +22,12 @@ from mild_core.retargeting.chain import (
     nearest_points,
     place_capsules,
 )
-from mild_core.retargeting.clearance import BREACHES, LEAST_M_S, LOOK_SELF_M, find_breach, path_bounds
-from mild_core.retargeting.guard import APART_M, HAND_ROOM_M, ROUNDING, TOO_FAST, UNPACED_M, Guard
-from mild_core.retargeting.kinematics import read_tree
-from mild_core.retargeting.limiter import JointMotion, Limiter
-from mild_core.retargeting.obstacles import NO_ONE, Obstacles
-from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.robot_model.kinematics import read_tree
+from mild_core.retargeting.robot_model.robot import RobotModel
+from mild_core.retargeting.robot_model.urdf import Solid, read_solids
 from mild_core.retargeting.robots import ROBOTS
 from mild_core.retargeting.robots.yumi import YUMI
 from mild_core.retargeting.settings import RetargetingSettings
-from mild_core.retargeting.urdf import Solid, read_solids
 
 SETTINGS = RetargetingSettings()
 CHAIN, CAPSULES = chain_of(YUMI), capsules_of(YUMI)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from mild_core.errors import SetupError
-from mild_core.retargeting.inverse_kinematics import InverseKinematics, Reach
-from mild_core.retargeting.kinematics import forward_kinematics
+from mild_core.retargeting.robot_model.inverse_kinematics import InverseKinematics, Reach
+from mild_core.retargeting.robot_model.kinematics import forward_kinematics
 from mild_core.retargeting.robots.yumi import YUMI
 from mild_core.shapes import FloatArray
 

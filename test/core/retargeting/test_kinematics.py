@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from mild_core.errors import SetupError
-from mild_core.retargeting.kinematics import forward_kinematics, read_tree
+from mild_core.retargeting.robot_model.kinematics import forward_kinematics, read_tree
+from mild_core.retargeting.robot_model.urdf import SIZE_LIMIT, rotation_from_rpy
 from mild_core.retargeting.robots.yumi import YUMI
-from mild_core.retargeting.urdf import SIZE_LIMIT, rotation_from_rpy
 
 ARM = """<?xml version="1.0"?>
 <robot name="arm">

@@ -6,10 +6,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mild_core.retargeting.chain import chain_of
 from mild_core.retargeting.guard import Guard
 from mild_core.retargeting.human_track import AssumedPlacement
 from mild_core.retargeting.obstacles import Crowd, Obstacles, obstacles_of
+from mild_core.retargeting.robot_model.chain import chain_of
 from mild_core.retargeting.robots.yumi import YUMI
 from mild_core.retargeting.stage import Request, Retargeting, RetargetingSettings
 from mild_core.shapes import FloatArray

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mild_core.retargeting.chain import chain_of, nearest_points
 from mild_core.retargeting.guard import Guard
 from mild_core.retargeting.human_track import AssumedPlacement
 from mild_core.retargeting.modes import Mode
 from mild_core.retargeting.obstacles import KEPT_S, NO_ONE, Crowd, obstacles_of
+from mild_core.retargeting.robot_model.chain import chain_of, nearest_points
 from mild_core.retargeting.robots.yumi import YUMI
 from mild_core.retargeting.stage import (
     ASSUMED,

@@ -6,12 +6,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mild_core.retargeting.chain import chain_of
 from mild_core.retargeting.evasion import COLLIDES, LOOKED_AT, Evasion
 from mild_core.retargeting.guard import PACE, Guard
 from mild_core.retargeting.limiter import JointMotion
 from mild_core.retargeting.obstacles import NO_ONE, Obstacles
-from mild_core.retargeting.robot import RobotModel
+from mild_core.retargeting.robot_model.chain import chain_of
+from mild_core.retargeting.robot_model.robot import RobotModel
 from mild_core.retargeting.robots.pepper import PEPPER
 from mild_core.retargeting.robots.yumi import YUMI
 from mild_core.retargeting.settings import RetargetingSettings
