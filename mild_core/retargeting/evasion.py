@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where the arm is out of the way of people who walk: postures of refuge, and how much each is in their way.
 
-Giving way at the last moment and straight away from a person ends where a joint does, or between two people. So the
-way of people who walk is looked ahead for, and of a few postures the arm goes to the one that is least in their way from now on.
+Giving way at the last moment and straight away from a person ends where a joint does, or between two people. So
+people who walk are looked ahead for, and of a few postures the arm goes to the one that is least in their way.
 
 Source: rollouts of a few candidate motions against predicted obstacles, as in D. Fox et al., "The dynamic window
 approach to collision avoidance", IEEE RAM 1997.
