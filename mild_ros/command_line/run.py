@@ -3,14 +3,14 @@
 
 from __future__ import annotations
 
-import os
 import sys
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from mild_core.errors import SetupError, unknown_name
+from mild_core.errors import unknown_name
 from mild_ros.environment.processes import as_yaml
 from mild_ros.launching.table import LAUNCHES, read_arguments, run_launch
 from mild_ros.node_kit.libraries import check_needed
@@ -110,9 +110,7 @@ def record(
 
 
 def _become(node: str, words: list[str]) -> None:
-    """Become the node's process, so that signals and the exit code are its own."""
-    check_needed()  # here, where it is one line
-    try:
-        os.execv(sys.executable, [sys.executable, "-P", "-m", f"mild_ros.nodes.{node}_node", *words])
-    except OSError as error:
-        raise SetupError(f"node {node}", error.strerror or str(error), "run ./mild doctor") from error
+    """Run a node in this process, so that signals and the exit code are its own."""
+    module = import_module(f"mild_ros.nodes.{node}_node")  # a library that is missing is one line here
+    sys.argv = [f"mild run {node}", *words]
+    raise SystemExit(module.main())

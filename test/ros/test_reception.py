@@ -104,6 +104,7 @@ def test_a_flood_is_followed_by_a_rest_of_twice_its_work_and_a_message_by_none(h
         return rests_s[-1] > 0.0 and rests_s[-1] >= FLOOD_REST * heard.work_s * (len(heard.texts) - count)
 
     probe.until(flooded, "a rest", 2.0, lambda: rests_s)
+    assert rests_s[-1] >= FLOOD_REST * heard.work_s
 
 
 def test_what_has_no_place_in_dds_is_lost_and_nothing_else_is(heard: Heard, probe: Probe) -> None:
