@@ -30,7 +30,7 @@ def console_scripts() -> list[str]:
     puts them into bin/, which is in everybody's PATH: no place for a `record` and a `replay`.
     """
     nodes = NODES if {"install", "develop"} & set(sys.argv) else ()
-    return ["mild = mild_ros.command_line.main:main", *(f"{name} = mild_ros.nodes.{name}_node:main" for name in nodes)]
+    return ["mild = mild_ros.command_line.main:main", *(f"{name} = mild_ros.command_line.run:script" for name in nodes)]
 
 
 class InstallDataAndLaunchers(install_data):

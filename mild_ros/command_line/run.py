@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from mild_core.errors import unknown_name
+from mild_ros.command_line.main import main
 from mild_ros.environment.processes import as_yaml
 from mild_ros.launching.table import LAUNCHES, read_arguments, run_launch
 from mild_ros.node_kit.libraries import check_needed
@@ -107,6 +108,11 @@ def record(
     given = {"bag": str(bag), "topics": list(topics or ()), "split_mb": split_mb}
     words = [word for name, value in given.items() for word in ("-p", f"{name}:={as_yaml(value)}")]
     _become("record", ["--ros-args", *words])
+
+
+def script() -> None:
+    """Entry point of the scripts that `ros2 run` finds: the node that the script is called after."""
+    main(["run", Path(sys.argv[0]).name, *sys.argv[1:]])
 
 
 def _become(node: str, words: list[str]) -> None:
