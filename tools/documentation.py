@@ -22,6 +22,7 @@ from mild_ros.assembly.bag_settings import RecordParameters, ReplayParameters
 from mild_ros.assembly.settings import NODES
 from mild_ros.command_line.main import COMMANDS
 from mild_ros.commands.command_topics import command_types
+from mild_ros.controllers import OUTPUTS
 from mild_ros.demonstrations.settings import CutParameters
 from mild_ros.messages.skeletons import ADAPTERS
 from mild_ros.node_kit.parameters import table_markdown
@@ -87,17 +88,12 @@ TOPICS = (
         *("joint_command", "sensor_msgs/JointState", "retargeting", "robot or simulation"),
         "positions [rad] and velocities [rad/s] inside every limit",
     ),
-    Topic(
-        *("joint_trajectory", "trajectory_msgs/JointTrajectory", "retargeting", "JointTrajectoryController"),
-        "promised points and then a smooth stop; with that in `outputs`",
-    ),
-    Topic(
-        *("position_command", "std_msgs/Float64MultiArray", "retargeting", "forward_command_controller"),
-        "positions [rad] in `position_order`; with that in `outputs`",
-    ),
-    Topic(
-        *("joint_angles", "naoqi_bridge_msgs/JointAnglesWithSpeed", "retargeting", "naoqi_driver"),
-        "Pepper's angles [rad]; with that in `outputs`",
+    *(
+        Topic(
+            *(output.topic, output.type_name.replace("/msg/", "/"), "retargeting", output.controller),
+            f"{output.meaning}; with that in `outputs`",
+        )
+        for output in OUTPUTS.values()
     ),
     Topic(
         *("robot_description", "std_msgs/String", "simulation", "tools"),

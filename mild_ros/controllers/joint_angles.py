@@ -39,4 +39,7 @@ def joint_angles(kind: Any, outgoing: Outgoing) -> Any:
     return message
 
 
-JOINT_ANGLES = ControllerOutput("joint_angles", "naoqi_bridge_msgs/msg/JointAnglesWithSpeed", joint_angles, PERIOD_S)
+JOINT_ANGLES = ControllerOutput(
+    *("joint_angles", "naoqi_bridge_msgs/msg/JointAnglesWithSpeed", "naoqi_driver"),
+    *("Pepper's angles [rad]", joint_angles, PERIOD_S),
+)

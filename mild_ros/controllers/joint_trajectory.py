@@ -38,5 +38,10 @@ def joint_trajectory(kind: Any, outgoing: Outgoing) -> Any:
 
 
 JOINT_TRAJECTORY = ControllerOutput(
-    "joint_trajectory", "trajectory_msgs/msg/JointTrajectory", joint_trajectory, plays_trajectories=True
+    "joint_trajectory",
+    "trajectory_msgs/msg/JointTrajectory",
+    "JointTrajectoryController",
+    "promised points and then a smooth stop",
+    joint_trajectory,
+    plays_trajectories=True,
 )

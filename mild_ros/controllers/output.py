@@ -38,6 +38,8 @@ class ControllerOutput:
     Attributes:
         topic: Where it is published.
         type_name: Of its messages; the package may be absent.
+        controller: Who takes it, for the documents.
+        meaning: What is in it, for the documents.
         message: Fills one, given its class.
         period_s: No two within this time; 0 sends one with every command.
         plays_trajectories: Whether its controller splices each message onto what it plays. Commands are then made
@@ -46,6 +48,8 @@ class ControllerOutput:
 
     topic: str
     type_name: str
+    controller: str
+    meaning: str
     message: Callable[[Any, Outgoing], Any]
     period_s: float = 0.0
     plays_trajectories: bool = False

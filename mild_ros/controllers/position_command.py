@@ -14,4 +14,7 @@ def position_command(kind: Any, outgoing: Outgoing) -> Any:
     return kind(data=[by_name[name] for name in outgoing.position_order])
 
 
-POSITION_COMMAND = ControllerOutput("position_command", "std_msgs/msg/Float64MultiArray", position_command)
+POSITION_COMMAND = ControllerOutput(
+    *("position_command", "std_msgs/msg/Float64MultiArray", "forward_command_controller"),
+    *("positions [rad] in `position_order`", position_command),
+)

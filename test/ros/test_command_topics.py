@@ -80,7 +80,7 @@ def test_a_new_output_is_never_replayed(
         message = JointTrajectoryPoint()
     bag = bag_of(tmp_path, HARMLESS | dict.fromkeys(topics, message))
     assert sent(bag, "all") == set(HARMLESS) | topics
-    output = ControllerOutput("new_output", type_name, lambda kind, outgoing: kind())
+    output = ControllerOutput("new_output", type_name, "its controller", "its numbers", lambda kind, outgoing: kind())
     monkeypatch.setitem(OUTPUTS, output.topic, output)
     assert sent(bag, "all") == set(HARMLESS)
     assert "new_output" in command_types()
