@@ -16,7 +16,7 @@ from mild_core.pipeline import Pipeline, PipelineOutput
 from mild_core.retargeting.human_track import AssumedPlacement
 from mild_core.retargeting.robots.yumi import YUMI
 from mild_core.retargeting.stage import Request, Retargeting, RetargetingInput, RetargetingState
-from mild_core.signals import JointMeasurement, MotionWindow, PersonPose
+from mild_core.signals import JointCommand, JointMeasurement, MotionWindow, PersonPose
 from test.core.inference.random_model import manifest, paper_member, random_arrays
 from test.core.perception.scene import SECOND, SETTINGS, at_rate, seen
 
@@ -114,6 +114,25 @@ class Watched(Retargeting):
 
 
 GIVEN: list[type] = []
+
+
+class Answering(Retargeting):
+    """Retargeting that answers each part of an input with a command, numbered."""
+
+    def step(self, state: RetargetingState, given: RetargetingInput, now_ns: int) -> Any:
+        GIVEN.append(type(given))
+        return state, (JointCommand(len(GIVEN), YUMI.joint_names, YUMI.home_rad, YUMI.home_rad),)
+
+
+def test_every_command_comes_out_in_order(pipeline: Pipeline) -> None:
+    answering = replace(pipeline, retargeting=Answering(YUMI))
+    state, most = answering.init(), 0
+    for one, now_ns in inputs(15.0):
+        GIVEN.clear()
+        state, output = answering.step(state, one, now_ns)
+        assert [command.stamp_ns for command in output.commands] == list(range(1, len(GIVEN) + 1))
+        most = max(most, len(GIVEN))
+    assert most == 4
 
 
 def test_retargeting_knows_where_the_person_is_before_it_gets_the_motions_that_answer_them(pipeline: Pipeline) -> None:

@@ -217,7 +217,7 @@ FAULTS = (
         WATCHDOG,
         "motion=JointMotion.at_rest(motion.position_rad)).counted",
         "motion=motion).counted",
-        TIMES,
+        ("test/core/retargeting/test_interference.py",),
     ),
     Fault(
         "unknown motions are followed",

@@ -187,7 +187,7 @@ def test_a_motion_that_does_not_fit_is_bad_data(fault):
     assert caught.value.reason == "wrong_layout"
 
 
-@pytest.mark.parametrize("fault", ["empty", "short", "joints", "float32", "bigendian"])
+@pytest.mark.parametrize("fault", ["empty", "short", "joints", "float32", "overlap", "bigendian"])
 def test_a_cloud_that_is_no_window_is_bad_data(fault):
     message = over_dds(feature_window_to_msg(window_of(1)))
     names = JOINTS
@@ -199,6 +199,8 @@ def test_a_cloud_that_is_no_window_is_bad_data(fault):
         names = JOINTS[:2]
     elif fault == "float32":
         message.fields[0].datatype = message.fields[0].FLOAT32
+    elif fault == "overlap":
+        message.fields[1].offset = message.fields[0].offset
     else:
         message.is_bigendian = True
     with pytest.raises(DataError) as caught:
@@ -238,6 +240,8 @@ def test_joint_states_that_say_nothing_are_bad_data(message, reason):
 def test_only_a_command_has_to_be_finite_in_every_joint(position):
     message = JointState(name=["a"], position=[position])
     np.testing.assert_array_equal(joint_measurement_from_msg(message).positions_rad, [position])
+    with pytest.raises(DataError):
+        joint_command_from_msg(JointState(name=["a"], position=[0.0], velocity=[position]))
     with pytest.raises(DataError, match="not_finite"):
         joint_command_from_msg(message)
 

@@ -9,7 +9,7 @@ import torch
 
 from mild_core.learning.data.coordinates import plain_coordinates, principal_coordinates
 from mild_core.learning.data.windows import PROTOCOLS, cut
-from mild_core.learning.training.corpus import augment, corpus_of, cut_tracks
+from mild_core.learning.training.corpus import augment, corpus_of, cut_tracks, turn_and_move
 from mild_core.learning.training.settings import Augmentation
 from test.core.learning.made_trials import made_trials
 from test.core.learning.small_settings import TWO
@@ -75,6 +75,17 @@ def test_bending_the_human_keeps_directions_between_joints_up_to_one_turn_and_on
     assert ((ratio > 0.9) & (ratio < 1.1)).all()
     np.testing.assert_allclose(after[..., 2], before[..., 2] * ratio, atol=1e-5)
     assert torch.equal(bent.controlled, augment(corpus.tracks, STILL).controlled)
+
+
+def test_a_turn_is_about_the_vertical_with_the_length_and_then_the_move():
+    rng = np.random.default_rng(0)
+    positions, moved = rng.normal(size=(1, 5, 9)).astype(np.float32), rng.normal(size=(1, 9)).astype(np.float32)
+    angle, scale = 0.4, 1.1
+    about_z = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
+    expected = (scale * positions.reshape(5, 3, 3) @ about_z.T).reshape(1, 5, 9) + moved[:, None]
+    turned = np.array([[scale * np.cos(angle), scale * np.sin(angle), scale]], dtype=np.float32)
+    turn_and_move(positions, turned, moved)
+    np.testing.assert_allclose(positions, expected, atol=1e-5)
 
 
 def test_principal_coordinates_keep_what_they_span_and_weigh_errors_by_the_windows_variance():
