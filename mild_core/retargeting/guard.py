@@ -43,8 +43,9 @@ ROUNDING = 1e-6
 TOO_FAST = "refused_speed"
 """Counted when a motion is too fast near a person."""
 
-MOVES_M_S, UNSURE_M_S = 0.3, 0.1
-"""What moves faster than the first may come faster by the second than a tracker can have seen yet [m/s]."""
+UNSURE_M_S, UNSURE_HAND_M_S = 0.1, 0.12
+"""What moves may come twice as fast as a tracker can have seen yet, but by no more than this; an offered hand, which
+gathers speed more quickly, by no more than the second."""
 
 HURRIED_M = 0.2
 """As far outside of where the speed is limited a robot that is late may begin to catch up faster."""
@@ -240,9 +241,7 @@ class Guard:
     ) -> FloatArray:
         seen = self.evaluate_poses(times_s, positions_rad, velocities_rad_s, among, beyond_m, around=not giving_way)
         limits = self.settings.near_speed_m_s, self._jerk_m_s3, LEAST_M_S if giving_way else 0.0
-        # Where hands are to touch this would cost more of their meeting than it is worth.
-        unsure = np.where((among.speeds_m_s > MOVES_M_S) & (among.keep_m > -math.inf), UNSURE_M_S, 0.0)
-        return path_bounds(times_s, *seen, among.speeds_m_s, among.zones_m, *limits, unsure)
+        return path_bounds(times_s, *seen, among.speeds_m_s, among.zones_m, *limits, _unsure_m_s(among))
 
     def push_out(self, point_m: FloatArray, among: Obstacles) -> tuple[FloatArray, int]:
         """(3,) the point, or the nearest one at which the robot's hand keeps out of what must not be touched.
@@ -303,9 +302,9 @@ class Guard:
         near, slack = self.settings.near_speed_m_s, beyond_m / SLOWING_S
         most = PACE * near + (0.0 if crowded else float(slack.min(initial=math.inf)))
         share = min(1.0, most / max(float(there.speed_m_s[0]), 1e-9))
-        for towards, allowed in zip(
-            there.toward_m_s[0], PACE * np.maximum(near - there.approach_m_s[0], 0.0) + slack, strict=True
-        ):
+        left = np.maximum(near - there.approach_m_s[0], 0.0)
+        left = np.minimum(PACE * left, np.maximum(left - _unsure_m_s(among), 0.0)) + slack
+        for towards, allowed in zip(there.toward_m_s[0], left, strict=True):
             if towards * share > allowed:
                 share = allowed / towards
         paced: FloatArray = to_rad if share >= 1.0 else from_rad + share * (to_rad - from_rad)
@@ -324,6 +323,14 @@ class Guard:
         """Greatest speed of a point of the arm [m/s]."""
         seen = self.evaluate_poses(np.zeros(1), position_rad[None], velocity_rad_s[None], among, 0.0, itself=False)
         return float(seen.speed_m_s[0])
+
+
+def _unsure_m_s(among: Obstacles) -> FloatArray:
+    """(S,) how much faster each segment may come than it is seen to [m/s]."""
+    unsure: FloatArray = np.minimum(among.speeds_m_s, UNSURE_M_S)
+    if among.offered >= 0:
+        unsure[among.offered] = min(float(among.speeds_m_s[among.offered]), UNSURE_HAND_M_S)
+    return unsure
 
 
 def reaches(robot: RobotModel) -> FloatArray:
