@@ -44,8 +44,12 @@ TOO_FAST = "refused_speed"
 """Counted when a motion is too fast near a person."""
 
 UNSURE_M_S, UNSURE_HAND_M_S = 0.1, 0.12
-"""What moves may come twice as fast as a tracker can have seen yet, but by no more than this; an offered hand, which
-gathers speed more quickly, by no more than the second."""
+"""What moves may come twice as fast as a tracker can have seen yet, but by no more than the first; an offered hand,
+which gathers speed more quickly, by the second."""
+
+MEETING_M = 0.02
+"""Hands meet where the robot is deeper than this inside of what an offered forearm is believed to be, up to the finger
+tips. There nothing is allowed for, which would keep them apart."""
 
 HURRIED_M = 0.2
 """As far outside of where the speed is limited a robot that is late may begin to catch up faster."""
@@ -241,7 +245,7 @@ class Guard:
     ) -> FloatArray:
         seen = self.evaluate_poses(times_s, positions_rad, velocities_rad_s, among, beyond_m, around=not giving_way)
         limits = self.settings.near_speed_m_s, self._jerk_m_s3, LEAST_M_S if giving_way else 0.0
-        return path_bounds(times_s, *seen, among.speeds_m_s, among.zones_m, *limits, _unsure_m_s(among))
+        return path_bounds(times_s, *seen, among.speeds_m_s, among.zones_m, *limits, _unsure_m_s(among, seen))
 
     def push_out(self, point_m: FloatArray, among: Obstacles) -> tuple[FloatArray, int]:
         """(3,) the point, or the nearest one at which the robot's hand keeps out of what must not be touched.
@@ -302,8 +306,7 @@ class Guard:
         near, slack = self.settings.near_speed_m_s, beyond_m / SLOWING_S
         most = PACE * near + (0.0 if crowded else float(slack.min(initial=math.inf)))
         share = min(1.0, most / max(float(there.speed_m_s[0]), 1e-9))
-        left = np.maximum(near - there.approach_m_s[0], 0.0)
-        left = np.minimum(PACE * left, np.maximum(left - _unsure_m_s(among), 0.0)) + slack
+        left = PACE * np.maximum(near - there.approach_m_s[0], 0.0) + slack
         for towards, allowed in zip(there.toward_m_s[0], left, strict=True):
             if towards * share > allowed:
                 share = allowed / towards
@@ -325,11 +328,13 @@ class Guard:
         return float(seen.speed_m_s[0])
 
 
-def _unsure_m_s(among: Obstacles) -> FloatArray:
+def _unsure_m_s(among: Obstacles, seen: PoseEvaluation) -> FloatArray:
     """(S,) how much faster each segment may come than it is seen to [m/s]."""
-    unsure: FloatArray = np.minimum(among.speeds_m_s, UNSURE_M_S)
+    most = np.full(len(among.people), UNSURE_M_S)
     if among.offered >= 0:
-        unsure[among.offered] = min(float(among.speeds_m_s[among.offered]), UNSURE_HAND_M_S)
+        meets = seen.clear_m[0, among.offered] < -MEETING_M
+        most[among.offered] = 0.0 if meets else UNSURE_HAND_M_S
+    unsure: FloatArray = np.minimum(among.speeds_m_s, most)
     return unsure
 
 
