@@ -4,13 +4,25 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
 import pytest
 
 from mild_core.retargeting.clearance import BREACHES, LEAST_M_S, LOOK_SELF_M, find_breach, path_bounds
-from mild_core.retargeting.guard import APART_M, HAND_ROOM_M, ROUNDING, TOO_FAST, UNPACED_M, Guard
+from mild_core.retargeting.guard import (
+    APART_M,
+    HAND_ROOM_M,
+    MEETING_M,
+    ROUNDING,
+    TOO_FAST,
+    UNPACED_M,
+    UNSURE_HAND_M_S,
+    UNSURE_M_S,
+    Guard,
+    _unsure_m_s,
+)
 from mild_core.retargeting.limiter import JointMotion, Limiter
 from mild_core.retargeting.obstacles import NO_ONE, Obstacles
 from mild_core.retargeting.robot_model.capsules import capsules_of
@@ -321,6 +333,23 @@ def still_ball(metres: float) -> Obstacles:
     foremost = flat[:, 0].argmax()
     centre = flat[foremost] + (0.05 + np.repeat(radii, 9)[foremost] + metres) * np.array([1.0, 0.0, 0.0])
     return among(np.tile(centre, (1, 2, 1)), np.zeros((1, 2, 3)), np.array([0.05]))
+
+
+def test_who_moves_may_come_faster_than_they_are_seen_to_but_where_hands_meet(guard: Guard) -> None:
+    home = np.array([YUMI.home_rad])
+
+    def allowed_for(metres: float, speed_m_s: float, offered: int) -> float:
+        coming = np.tile([-speed_m_s, 0.0, 0.0], (1, 2, 1))
+        people = replace(still_ball(metres), velocities_m_s=coming, offered=offered)
+        seen = guard.evaluate_poses(np.zeros(1), home, 0.0 * home, people, UNPACED_M)
+        return float(_unsure_m_s(people, seen)[0])
+
+    assert allowed_for(0.1, 0.5, -1) == UNSURE_M_S
+    assert allowed_for(0.1, 0.5, 0) == UNSURE_HAND_M_S
+    assert allowed_for(0.1, 0.06, 0) == allowed_for(0.1, 0.06, -1) == pytest.approx(0.06)
+    assert allowed_for(-0.5 * MEETING_M, 0.5, 0) == UNSURE_HAND_M_S
+    assert allowed_for(-1.5 * MEETING_M, 0.5, 0) == 0.0
+    assert allowed_for(-1.5 * MEETING_M, 0.5, -1) == UNSURE_M_S
 
 
 def checked(guard: Guard, speed_rad_s: float, people: Obstacles) -> str:
