@@ -19,6 +19,7 @@ from mild_core.retargeting.robot_model.robot import RobotModel
 from mild_core.retargeting.robots import ROBOTS
 from mild_core.signals import ARM_JOINTS
 from mild_ros.assembly.description import prepared, temporary
+from mild_ros.environment.dds_variables import heard_remedy
 
 TOPIC = "topic:"
 """Before the name of a topic in place of a path."""
@@ -131,5 +132,6 @@ def _from_topic(topic: str) -> str:
         context.try_shutdown()
     if not came:
         problem = f"nothing came on topic '{topic}' within {PATIENCE_S:g} s"
-        raise SetupError("parameter robot_description", problem, "start robot_state_publisher, or give a path")
+        remedy = heard_remedy("start robot_state_publisher, or give a path")
+        raise SetupError("parameter robot_description", problem, remedy)
     return str(message.data)

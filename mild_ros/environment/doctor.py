@@ -26,7 +26,16 @@ from typing import Any
 from mild_core.errors import MildError
 from mild_core.resources import load_model, model_names, share_folder
 from mild_ros.assembly.settings import PipelineParameters
-from mild_ros.environment.dds_variables import HARMLESS, PAIRED, PROFILES_HERE, UNNAMED, given
+from mild_ros.environment.dds_variables import (
+    DOMAINS_TEXT,
+    HARMLESS,
+    LAST_DOMAIN,
+    PAIRED,
+    UNNAMED,
+    given,
+    problems,
+    profiles_here,
+)
 from mild_ros.environment.processes import DOMAINS, PYTHON, shared_memory_owners
 from mild_ros.node_kit.libraries import NEEDED, REMEDY
 from mild_ros.simulation.quiet import quiet_terminal
@@ -116,9 +125,11 @@ def domain() -> Finding:
     """Who may hear us."""
     given = os.environ.get("ROS_DOMAIN_ID") or "0"
     reach = os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE") or "SUBNET"
-    well = given.isdecimal() and (int(given) == 0 or int(given) in DOMAINS)
+    well = given.isdecimal() and int(given) <= LAST_DOMAIN
     seen = f"{given}, discovery range {reach}"
-    return Finding("ROS_DOMAIN_ID", well, seen, f"choose one from 0 to {DOMAINS[-1]}, the same on every machine")
+    if well and int(given) > DOMAINS[-1]:
+        seen += f"; above {DOMAINS[-1]} other programs may take its ports"
+    return Finding("ROS_DOMAIN_ID", well, seen, f"set it to {DOMAINS_TEXT}, the same on every machine")
 
 
 def shared_memory() -> Finding:
@@ -150,17 +161,11 @@ def log_folder() -> Finding:
 
 def environment() -> Finding:
     """DDS settings in the environment, variable by variable."""
-    found_settings, wrong = [], []
-    for name, value, variable in given():
-        problem = variable.problem(value)
-        found_settings.append(f"{name}={value} ({problem or variable.does})")
-        wrong += [f"{name}: {problem}"] * bool(problem)
-    if not os.environ.get("SKIP_DEFAULT_XML_FILE"):
-        found_settings += [
-            f"{name} in this folder (settings of Fast DDS)" for name in PROFILES_HERE if Path(name).is_file()
-        ]
+    wrong = problems()
+    found_settings = [f"{name}={value} ({wrong.get(name) or variable.does})" for name, value, variable in given()]
+    found_settings += [f"{name} in this folder (settings of Fast DDS)" for name in profiles_here()]
     seen = "; ".join(found_settings) or "nothing is set that changes DDS"
-    return Finding("DDS settings", not wrong, seen, "; ".join(wrong))
+    return Finding("DDS settings", not wrong, seen, "; ".join(f"{name}: {problem}" for name, problem in wrong.items()))
 
 
 def discovery() -> Finding:
