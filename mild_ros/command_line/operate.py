@@ -39,7 +39,7 @@ def status(
     with 2 where no node reports at all.
     """
     from mild_ros.command_line.operator_client import START_ONE, operator_client
-    from mild_ros.environment.dds_variables import domain_id, heard_remedy
+    from mild_ros.node_kit.dds_variables import domain_id, heard_remedy
 
     with operator_client() as client:
         found = client.statuses()

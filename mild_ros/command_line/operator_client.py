@@ -22,7 +22,7 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 from mild_core.errors import SetupError
-from mild_ros.environment.dds_variables import domain_id, heard_remedy
+from mild_ros.node_kit.dds_variables import domain_id, heard_remedy
 from mild_ros.node_kit.ros_errors import refused_in_one_line
 
 DISCOVERY_S = 8.0

@@ -26,7 +26,8 @@ from typing import Any
 from mild_core.errors import MildError
 from mild_core.resources import load_model, model_names, share_folder
 from mild_ros.assembly.settings import PipelineParameters
-from mild_ros.environment.dds_variables import (
+from mild_ros.environment.processes import DOMAINS, PYTHON, shared_memory_owners
+from mild_ros.node_kit.dds_variables import (
     DOMAINS_TEXT,
     HARMLESS,
     LAST_DOMAIN,
@@ -36,7 +37,6 @@ from mild_ros.environment.dds_variables import (
     problems,
     profiles_here,
 )
-from mild_ros.environment.processes import DOMAINS, PYTHON, shared_memory_owners
 from mild_ros.node_kit.libraries import NEEDED, REMEDY
 from mild_ros.simulation.quiet import quiet_terminal
 

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
 from mild_core.errors import SetupError
-from mild_ros.environment.dds_variables import heard_remedy
+from mild_ros.node_kit.dds_variables import heard_remedy
 
 USAGE = "write --ros-args -p NAME:=VALUE -r TOPIC:=TOPIC"
 

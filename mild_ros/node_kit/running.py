@@ -29,7 +29,7 @@ from rclpy.utilities import remove_ros_args
 
 from mild_core.errors import SetupError
 from mild_core.printable import printable_lines
-from mild_ros.environment.dds_variables import domain_id, problems, refuse_what_cannot_start, why_nobody_is_heard
+from mild_ros.node_kit.dds_variables import domain_id, problems, refuse_what_cannot_start, why_alone
 from mild_ros.node_kit.parameters import help_text
 from mild_ros.node_kit.ros_errors import USAGE, refused_in_one_line
 from mild_ros.node_kit.terminal import show_any_text
@@ -186,7 +186,7 @@ def _spin(node: Node, interruption: _Interruption) -> None:
 
 def _look_around(node: Node) -> None:
     """Say what in the environment may be why no other node is seen, if there is such a thing."""
-    if len(node.get_node_names()) < 2 and (why := why_nobody_is_heard()):
+    if len(node.get_node_names()) < 2 and (why := why_alone()):
         node.get_logger().error(printable_lines(f"no other node is seen in ROS domain {domain_id()}: {why}"))
 
 

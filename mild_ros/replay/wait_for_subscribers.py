@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from mild_core.errors import SetupError
-from mild_ros.environment.dds_variables import heard_remedy
+from mild_ros.node_kit.dds_variables import heard_remedy
 
 LOOK_PERIOD_S = 0.05
 

@@ -208,7 +208,7 @@ def refuse_what_cannot_start() -> None:
             raise SetupError(name, wrong, remedy)
 
 
-def why_nobody_is_heard() -> str:
+def why_alone() -> str:
     """What in the environment may be why no other node is heard: what is wrong there, else what is set; "" for nothing.
 
     The doctor finds out which of them it is.
@@ -222,5 +222,5 @@ def why_nobody_is_heard() -> str:
 
 def heard_remedy(remedy: str) -> str:
     """A remedy for a node that hears no other, and what of the environment may be why: that first, if it is wrong."""
-    why = why_nobody_is_heard()
+    why = why_alone()
     return "; ".join(filter(None, (why, remedy) if problems() else (remedy, why)))
