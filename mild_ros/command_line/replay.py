@@ -78,6 +78,7 @@ def replay(
     from mild_ros.assembly.settings import PipelineParameters
     from mild_ros.bag.camera import keep_camera, with_camera
     from mild_ros.command_line.lost import check_source, report_lost
+    from mild_ros.command_line.result_folders import folder_of
     from mild_ros.node_kit.parameter_files import read_parameters
     from mild_ros.viewing.stillness import counts_of, has_moved, why_still
 
@@ -97,7 +98,6 @@ def replay(
     from mild_ros.command_line.results import leave, print_summary, run_with_progress
     from mild_ros.replay.demo import RunOptions
 
-    folder = out or Path("out/replay") / (bag.resolve().stem if bag else f"{dataset}_{trial}")
     with tempfile.TemporaryDirectory(prefix="mild_trial_") as scratch:
         title = bag.resolve().name if bag else _write_trial(dataset, data, trial, Path(scratch, "trial"), parameters)
         bag = bag or Path(scratch, "trial")
@@ -106,6 +106,7 @@ def replay(
         check_source(bag, salvage, skeleton_source(parameters), topic)
         counts: Mapping[str, Mapping[str, int]] = {}
         detail = ""
+        folder = out or folder_of(Path("out/replay"), Path(f"{dataset}_{trial}") if dataset else bag)
         if nodes:
             recorded = run_with_progress(bag, folder, asked, console, paused=paused)
         else:

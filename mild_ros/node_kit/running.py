@@ -130,7 +130,11 @@ def check_words(words: Sequence[str], parameter_names: Collection[str]) -> None:
         SetupError: Names the word and how to write it.
     """
     for before, word in zip(("", *words), words, strict=False):
-        name, sign, _ = word.partition(":=")
+        name, sign, value = word.partition(":=")
+        if sign and not value and before in VALUE_FLAGS:
+            raise SetupError(
+                f"{before} {word}", "has no value", f"give one, or leave it out; an empty text is {name}:='\"\"'"
+            )
         if not sign or before in VALUE_FLAGS:
             continue
         flag = "-p" if name in parameter_names else "-r"

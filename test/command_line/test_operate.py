@@ -165,5 +165,10 @@ def test_a_forgotten_flag_does_not_run_the_default_model(words: list[str]) -> No
         check_words(words, ["model", "a"])
 
 
+def test_a_parameter_without_a_value_is_one_line_of_ours() -> None:
+    with pytest.raises(SetupError, match="-p model:=: has no value; give one, or leave it out"):
+        check_words(["--ros-args", "-p", "model:="], ["model"])
+
+
 def test_words_with_flags_are_taken() -> None:
     check_words(["--ros-args", "-p", "model:=x", "-r", "skeleton:=/a", "--log-level", "pipeline:=debug"], ["model"])
