@@ -292,12 +292,13 @@ class _Started:
 
     def _pass_on(self) -> None:
         assert self.process.stderr is not None
-        for line in self.process.stderr:
-            _Started.last = line
-            if line.startswith(self._begin):
-                self.refusal = line
-            with suppress(OSError):  # a terminal that was closed
-                os.write(sys.stderr.fileno(), line)
+        with self.process.stderr as lines:
+            for line in lines:
+                _Started.last = line
+                if line.startswith(self._begin):
+                    self.refusal = line
+                with suppress(OSError):  # a terminal that was closed
+                    os.write(sys.stderr.fileno(), line)
 
 
 def run_launch(launch: Launch, given: Mapping[str, str]) -> int:
