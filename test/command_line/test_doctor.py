@@ -219,19 +219,18 @@ LOCAL_RANGE = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
 
 
 @pytest.mark.parametrize(
-    ("flags", "environment", "remedy"),
+    ("is_up", "environment", "remedy"),
     [
-        (0x0, {}, "bring loopback up: ip link set lo up"),
-        (0x1, LOCAL_RANGE, "allow multicast on lo: ip link set lo multicast on, or let a firewall pass UDP"),
-        (0x1001, {}, "set ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST, or let a firewall pass UDP"),
-        (0x1001, LOCAL_RANGE, "let a firewall pass UDP from port 7400 up on lo, and to 239.255.0.1"),
+        (False, {}, "bring loopback up: ip link set lo up"),
+        (True, {}, "set ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST, or let a firewall pass UDP"),
+        (True, LOCAL_RANGE, "let a firewall pass UDP from port 7400 up on lo, and to 239.255.0.1"),
     ],
 )
 def test_the_remedy_of_a_deaf_process_is_what_is_missing(
-    flags: int, environment: dict[str, str], remedy: str, monkeypatch: pytest.MonkeyPatch
+    is_up: bool, environment: dict[str, str], remedy: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert doctor._loopback_flags() & 0x1, "what talks in these tests needs it"
-    monkeypatch.setattr(doctor, "_loopback_flags", lambda: flags)
+    assert doctor._loopback_is_up(), "what talks in these tests needs it"
+    monkeypatch.setattr(doctor, "_loopback_is_up", lambda: is_up)
     monkeypatch.setattr(doctor, "_deaf", lambda *given: "nothing heard")
     for name in VARIABLES:
         monkeypatch.delenv(name, raising=False)
