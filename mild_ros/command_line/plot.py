@@ -178,8 +178,8 @@ def table(
 ) -> None:
     """Errors by interaction and method as the paper's Tables II and III, in LaTeX (booktabs) or Markdown.
 
-    Table I is of two people in motion capture suits whose recordings are no longer published. With their folder
-    `hh` makes it too: `mild evaluate --cv --dataset buetepage_hh --data hh --protocol same`.
+    Table I is of two people in motion capture suits (`mild data buetepage_hh`):
+    `mild evaluate --cv --dataset buetepage_hh --protocol same`.
 
         mild plot table out/cross_validation_nuisi_v1_same.json --out table_3.tex
     """
