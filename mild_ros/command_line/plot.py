@@ -176,7 +176,10 @@ def comparison(tables: TABLES, out: Annotated[Path, typer.Option(metavar="FOLDER
 def table(
     tables: TABLES, out: Annotated[Path, typer.Option(metavar="FILE", help=".tex or .md")] = Path("out/table.tex")
 ) -> None:
-    """Errors by interaction and method as the paper's Tables II and III, in LaTeX (booktabs) or Markdown.
+    """Errors by interaction and method as the paper's Tables I to III, in LaTeX (booktabs) or Markdown.
+
+    Mean ± deviation over windows; of two people also in the paper's unit; a star marks p < .05 against Bütepage et
+    al. by a paired test over the interaction's trials. The JSON that this reads holds the same numbers.
 
     Table I is of two people in motion capture suits (`mild data buetepage_hh`):
     `mild evaluate --cv --dataset buetepage_hh --protocol same`.

@@ -103,22 +103,36 @@ def measured(path: Path) -> Path:
         **{"method": "mild", "title": "MILD, ours", "labels": "given", "macro_mean": 0.0412, "macro_std": 0.0011},
         **{"macro": {"interval": [0.035, 0.047]}, "interactions": {"hand_wave": interaction}},
     }
+    papers = {"paper_mse": 4.0, "paper_mse_std": 5.0, "p_against_buetepage": 0.04}
+    starred = {**row, "title": "starred", "interactions": {"hand_wave": {**interaction, **papers}}}
     bar = {**row, "method": "kernel_ridge", "title": "kernel ridge", "macro_mean": 0.051, "macro_std": None}
     others = [{**row, "labels": labels, "macro_mean": 0.05} for labels in (RECOGNISED, STARTED, UNKNOWN)]
     about = {"dataset": "nuisi_v1", "protocol": "same", "folds": 4, "seeds": 1, "date": "2025-01-02", "unit": "m^2"}
-    path.write_text(json.dumps({**about, "methods": [row, bar, *others]}))
+    path.write_text(json.dumps({**about, "methods": [row, bar, starred, *others]}))
     return path
 
 
 def test_a_measured_table_becomes_latex_markdown_and_a_figure(tmp_path, capsys):
     source = measured(tmp_path / "cv.json")
     for ending, wanted in (
-        (".tex", (r"\toprule", r"MILD, ours, given & 0.0400 $\pm$ 0.0500 &", r"nuisi\_v1", r"[m$^2$]", "0.0510")),
+        (
+            ".tex",
+            (
+                r"\toprule",
+                r"MILD, ours, given & 0.0400 $\pm$ 0.0500 &",
+                r"nuisi\_v1",
+                r"[m$^2$]",
+                "0.0510",
+                r"5.00) & ",
+            ),
+        ),
         (
             ".md",
             (
                 "| [m²] | hand wave | all (± over seeds) |",
                 "| MILD, ours, given | 0.0400 ± 0.0500 | 0.0412 ± 0.0011 |",
+                "| starred, given | 0.0400 ± 0.0500* (4.00 ± 5.00) | 0.0412 ± 0.0011 |",
+                "*: p < .05 against Bütepage et al.",
                 "[m²]",
                 " 1 seed, ",
             ),
