@@ -8,7 +8,6 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
-from rich.measure import Measurement
 from rich.table import Table
 
 from mild_ros.command_line.console import Console
@@ -161,16 +160,18 @@ def print_cells(title: str, lines: Sequence[Sequence[str]], named: int) -> None:
     """A table of a header and lines, none for no lines; the first `named` columns are names."""
     if not lines:
         return
-    table = Table(title=title)
+    table, least = Table(title=title), 1
     for place, column in enumerate(lines[0]):
+        whole = place == named
+        parts = [part for line in lines for part in ([line[place]] if whole else line[place].split())]
+        width = max(map(len, parts), default=0)
         justify: Literal["left", "right"] = "left" if place < named else "right"
-        widest = max(len(word) for line in lines for word in line[place].split() or [""])
-        table.add_column(column, justify=justify, no_wrap=place == named, min_width=widest)
+        table.add_column(column, justify=justify, no_wrap=whole, min_width=width)
+        least += width + len("│  ")
     for line in lines[1:]:
         table.add_row(*line)
     console = Console()
-    # Wider than the terminal rather than without its last figures.
-    console.width = max(console.width, Measurement.get(console, console.options, table).minimum)
+    console.width = max(console.width, least)  # wider than the terminal rather than without its last figures
     console.print(table)
 
 
