@@ -3,10 +3,11 @@
 
 from __future__ import annotations
 
+import collections
 import json
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
     from mild_core.learning.data.units import Unit
     from mild_core.learning.evaluation.comparison import Relative, Row
     from mild_core.learning.evaluation.errors import Errors
+
+WIDEST = 500
+"""Columns of text that a table may take."""
 
 
 def errors_as_data(errors: Errors, unit: Unit) -> dict[str, Any]:
@@ -160,18 +164,19 @@ def print_cells(title: str, lines: Sequence[Sequence[str]], named: int) -> None:
     """A table of a header and lines, none for no lines; the first `named` columns are names."""
     if not lines:
         return
-    table, least = Table(title=title), 1
+    table = Table(title=title)
     for place, column in enumerate(lines[0]):
-        whole = place == named
-        parts = [part for line in lines for part in ([line[place]] if whole else line[place].split())]
-        width = max(map(len, parts), default=0)
-        justify: Literal["left", "right"] = "left" if place < named else "right"
-        table.add_column(column, justify=justify, no_wrap=whole, min_width=width)
-        least += width + len("│  ")
+        table.add_column(column, justify="left" if place < named else "right", no_wrap=place == named)
     for line in lines[1:]:
         table.add_row(*line)
-    console = Console()
-    console.width = max(console.width, least)  # wider than the terminal rather than without its last figures
+    console, words = Console(), [word for line in lines for cell in line for word in cell.split()]
+    # Wider than the terminal rather than without figures: rich cuts what does not fit.
+    for width in range(console.width, WIDEST):
+        console.width = width
+        with console.capture() as drawn:
+            console.print(table)
+        if collections.Counter(words) <= collections.Counter(drawn.get().split()):
+            break
     console.print(table)
 
 
