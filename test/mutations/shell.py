@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from test.mutations.fault import Fault
 
+ARGUMENTS = ("test/command_line/test_arguments.py",)
 MESSAGES = ("test/ros/test_messages.py",)
 SKELETONS = ("test/ros/test_skeleton_messages.py", "test/ros/test_sources.py", "test/ros/test_joint_by_joint.py")
 REPLAY = ("test/replay/test_replay_events.py", "test/replay/test_encoding.py", "test/replay/test_replay.py")
@@ -413,9 +414,9 @@ FAULTS = (
     Fault(
         "any content is kept",
         "A recording whose content is not the publisher's is kept.",
-        "mild_ros/command_line/data.py",
-        "if digest.hexdigest() != download.sha256:",
-        "if size != download.size_bytes:",
+        "mild_core/learning/data/recording.py",
+        "return hashed.hexdigest() == wanted",
+        "return bool(hashed.hexdigest())",
         DATA,
     ),
     Fault(
@@ -494,8 +495,8 @@ FAULTS = (
         "loopback is taken to be up",
         "Where loopback is down the doctor advises what cannot help.",
         "mild_ros/environment/doctor.py",
-        "    if not flags & _IS_UP:\n",
-        "    if flags < 0:\n",
+        "    if not is_up:\n",
+        "    if is_up is None:\n",
         DOCTOR,
     ),
     Fault(
@@ -577,5 +578,77 @@ FAULTS = (
         "well = given.isdecimal() and int(given) <= LAST_DOMAIN",
         "well = given.isdecimal() and int(given) <= DOMAINS[-1]",
         DOCTOR,
+    ),
+    Fault(
+        "another bag's results",
+        "The results of a bag take the place of those of another bag of its name.",
+        "mild_ros/command_line/result_folders.py",
+        "if not place.exists() or _is_of(place, bag))",
+        "if not place.exists() or place.is_dir())",
+        ("test/command_line/test_replay.py",),
+    ),
+    Fault(
+        "a refusal scrolls away",
+        "A launch ends without the line of the node that refused its set-up.",
+        "mild_ros/launching/table.py",
+        "if one.ended() == SETUP_ERROR and one.refusal != _Started.last:",
+        "if one.ended() == 1 and one.refusal != _Started.last:",
+        ("test/packaging/test_launch.py",),
+    ),
+    Fault(
+        "a refused set-up is tried again",
+        "A launch goes on when a node has refused its set-up.",
+        "mild_ros/launching/table.py",
+        "(now_s if launch.ends_with_failure or ended == SETUP_ERROR else None)",
+        "(now_s if launch.ends_with_failure else None)",
+        ("test/packaging/test_launch.py",),
+    ),
+    Fault(
+        "no hint for a forgotten -p",
+        "A parameter without its flag is refused without the way to write it.",
+        "mild_ros/command_line/main.py",
+        'if sign and "-p" in options:',
+        'if sign and "-p" in known:',
+        ARGUMENTS,
+    ),
+    Fault(
+        "no hint for an option",
+        "A misspelt option is refused without the nearest one.",
+        "mild_ros/command_line/main.py",
+        'known = options if word.startswith("-") else',
+        'known = [] if word.startswith("-") else',
+        ARGUMENTS,
+    ),
+    Fault(
+        "a box of five lines",
+        "A wrong command line is reported by the library, in a box.",
+        "mild_ros/command_line/main.py",
+        'prog_name="mild", standalone_mode=False)',
+        'prog_name="mild", standalone_mode=True)',
+        ARGUMENTS,
+    ),
+    Fault(
+        "a value that is missing runs on",
+        "A parameter NAME:= without a value is left to ROS, which says something else.",
+        "mild_ros/node_kit/running.py",
+        "if sign and not value and before in VALUE_FLAGS:",
+        "if sign and not value and before in ():",
+        OPERATOR,
+    ),
+    Fault(
+        "nothing is a type",
+        "A parameter without a value is called by Python's name of nothing.",
+        "mild_ros/node_kit/parameters.py",
+        "if value is None or (value == [] and wanted is not tuple):",
+        "if value == [] and wanted is not tuple:",
+        ARGUMENTS,
+    ),
+    Fault(
+        "a table without its words",
+        "A narrow terminal cuts words out of a table.",
+        "mild_ros/command_line/console.py",
+        "self.width = max(terminal, least)",
+        "self.width = terminal",
+        ("test/command_line/test_console.py",),
     ),
 )
