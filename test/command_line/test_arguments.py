@@ -38,7 +38,7 @@ WRONG = {
     "no such option: --confg; did you mean '--config'?": ["replay", BAG, "--confg", "yumi"],
     "did you mean '--release'?": ["hold", "--relase"],
     "option '--start' requires an argument; see mild replay --help": ["replay", "--start"],
-    "no such command 'pages'; there are latent, window": ["plot", "pages"],
+    "no such command 'qqq'; there are latent, window": ["plot", "qqq"],
     "missing option '--out'; see mild train --help": ["train"],
     "parameter model: is empty; give a text": ["replay", BAG, "-p", "model:="],
 }
