@@ -154,7 +154,7 @@ def _write_trial(dataset: str, data: Path | None, trial: int, folder: Path, para
 def _in_process(
     bag: Path, folder: Path, asked: RunOptions, console: Console
 ) -> tuple[Path, Mapping[str, Mapping[str, int]], str]:
-    """Replay without DDS; returns the bag that it writes, what was counted, and perception's newest complaint."""
+    """Replay without DDS; returns the bag that it writes, what was counted, and what was complained of."""
     from mild_core.retargeting.robot_file import find_robot
     from mild_ros.assembly.inference import load
     from mild_ros.assembly.perception import skeleton_source
@@ -173,10 +173,11 @@ def _in_process(
     folder.mkdir(parents=True, exist_ok=True)
     recorded = folder / RECORDED
     shutil.rmtree(recorded, ignore_errors=True)
-    complaints = [""]
+    complaints, unread = [""], [""]
 
     def look(step: Step) -> None:
         complaints[0] = step.state.perception.detail or complaints[0]
+        unread[0] = unread[0] or (step.unreadable and f"{step.unreadable}: {step.detail}")
 
     with console.status("replaying in process"):
         pipeline = make_pipeline(parameters, load(parameters.model))
@@ -193,4 +194,4 @@ def _in_process(
         listed = ", ".join(f"{count} {reason}" for reason, count in counts.items()) or "none unreadable"
         console.print(f"{stage}: {listed}", highlight=False, soft_wrap=True)
     console.print(f"{summary.commands} commands, SHA-256 {summary.digest}", highlight=False, soft_wrap=True)
-    return recorded, summary.counts, complaints[0]
+    return recorded, summary.counts, "; ".join(filter(None, (*complaints, *unread)))
