@@ -191,7 +191,8 @@ def _written(
 
     Such a file is one for all of a robot: joints of the description that are not commanded belong there.
     """
-    found, notes = [JointLimits()] * len(names), ()
+    found = [JointLimits()] * len(names)
+    notes: tuple[str, ...] = ()
     if "joint_limits" not in fields.values:
         return found, notes
     several = isinstance(fields.take("joint_limits"), list)

@@ -19,24 +19,19 @@ class Console(RichConsole):
     def print(self, *objects: Any, **options: Any) -> None:
         """As of rich, with text made printable, and tables rather wider than the terminal than without their words."""
         shown = [_safe(one) for one in objects]
-        least = max((_least_width(one) for one in shown), default=0)
-        terminal = self.width
-        self.width = max(terminal, least)
-        try:
-            super().print(*shown, **{"markup": False, "crop": least <= terminal, **options})
-        finally:
-            self.width = terminal
+        whole = [_keep_words(one) for one in shown]
+        super().print(*shown, **{"markup": False, "crop": not any(whole), **options})
 
 
-def _least_width(shown: Any) -> int:
-    """Characters that leave every word of a table whole; 0 of what is no table."""
+def _keep_words(shown: Any) -> bool:
+    """Let no column of a table be narrower than its words; whether something is a table."""
     if isinstance(shown, Group):
-        return max(map(_least_width, shown.renderables), default=0)
+        return any([_keep_words(one) for one in shown.renderables])
     if not isinstance(shown, Table):
-        return 0
+        return False
     for column in shown.columns:
         column.min_width = max(column.min_width or 0, *map(len, _kept_whole(column)), 1)
-    return 3 * len(shown.columns) + 1 + sum(column.min_width or 0 for column in shown.columns)
+    return True
 
 
 def _kept_whole(column: Column) -> list[str]:

@@ -67,7 +67,7 @@ LOCAL = ("demo", "replay", "faults")
 
 EXIT_SET_UP, EXIT_INTERRUPTED = 2, 130
 
-USAGE_ERROR = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "UsageError")
+USAGE_ERROR: type[Exception] = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "UsageError")
 """Of click, which typer brings or wants, by its version."""
 
 FULL = (errno.ENOSPC, errno.EDQUOT)

@@ -543,8 +543,8 @@ FAULTS = (
         "the widest limit",
         "Of several files of limits, the widest speed counts.",
         f"{HERE}/robot_model/joint_limits.py",
-        "narrowest = map(min, self[1:5], other[1:5])",
-        "narrowest = map(max, self[1:5], other[1:5])",
+        "jerk = map(min, self[1:5], other[1:5])",
+        "jerk = map(max, self[1:5], other[1:5])",
         DESCRIBED,
     ),
     Fault(

@@ -647,8 +647,8 @@ FAULTS = (
         "a table without its words",
         "A narrow terminal cuts words out of a table.",
         "mild_ros/command_line/console.py",
-        "self.width = max(terminal, least)",
-        "self.width = terminal",
+        "column.min_width = max(column.min_width or 0, *map(len, _kept_whole(column)), 1)",
+        "column.min_width = column.min_width or 0",
         ("test/command_line/test_console.py",),
     ),
 )

@@ -41,8 +41,9 @@ class JointLimits(NamedTuple):
     def narrowed(self, other: JointLimits, source: str) -> JointLimits:
         """The narrower of both, position limits of `other` as those of the file `source`."""
         mine = other.lower <= self.lower and other.upper >= self.upper
-        narrowest = map(min, self[1:5], other[1:5])
-        return JointLimits(max(self.lower, other.lower), *narrowest, source=self.source if mine else source)
+        upper, velocity, acceleration, jerk = map(min, self[1:5], other[1:5])
+        lower = max(self.lower, other.lower)
+        return JointLimits(lower, upper, velocity, acceleration, jerk, self.source if mine else source)
 
 
 def _angle(unit: float) -> Callable[[Any, Any], float]:
