@@ -26,7 +26,8 @@ class Console(RichConsole):
 def _keep_words(shown: Any) -> bool:
     """Let no column of a table be narrower than its words; whether something is a table."""
     if isinstance(shown, Group):
-        return any([_keep_words(one) for one in shown.renderables])
+        kept = [_keep_words(one) for one in shown.renderables]  # each of them
+        return any(kept)
     if not isinstance(shown, Table):
         return False
     for column in shown.columns:
