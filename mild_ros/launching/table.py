@@ -49,6 +49,14 @@ FAILED_S = 5.0
 SETUP_ERROR = 2
 """Exit code of a node that was set up wrongly: it would be again."""
 
+QUIETLY = """
+import runpy, signal, sys
+signal.signal(signal.SIGINT, signal.SIG_DFL)
+del sys.argv[0]
+runpy.run_module(sys.argv[0], run_name="__main__", alter_sys=True)
+"""
+"""Starts a node that control-C ends without a traceback also while its libraries load, before it can catch anything."""
+
 LOOK_S, POLITE_S, FIRM_S = 0.1, 10.0, 5.0
 """How often nodes are looked after; how long one may take to end after SIGINT, and after SIGTERM."""
 
@@ -230,7 +238,7 @@ def commands(launch: Launch, given: Mapping[str, str]) -> list[tuple[Started, li
             values[CAMERA] = camera
         if node.executable == "replay":
             values[LISTENERS] = listeners(given["record"])
-        words = [*PYTHON, "-m", f"mild_ros.nodes.{node.executable}_node", "--ros-args"]
+        words = [*PYTHON, "-c", QUIETLY, f"mild_ros.nodes.{node.executable}_node", "--ros-args"]
         words += ["-r", f"__ns:=/{given['namespace'].strip('/')}"] * bool(given["namespace"].strip("/"))
         words += ["--params-file", str(file)] * node.configured
         words += [word for name, value in values.items() for word in ("-p", f"{name}:={as_yaml(value)}")]

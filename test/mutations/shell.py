@@ -651,4 +651,20 @@ FAULTS = (
         "column.min_width = column.min_width or 0",
         ("test/command_line/test_console.py",),
     ),
+    Fault(
+        "control-C while libraries load",
+        "A launched node that is interrupted while its libraries load shows a traceback.",
+        "mild_ros/launching/table.py",
+        "signal.signal(signal.SIGINT, signal.SIG_DFL)",
+        "signal.getsignal(signal.SIGINT)",
+        ("test/packaging/test_launch.py",),
+    ),
+    Fault(
+        "a transform is no reason",
+        "A bag whose people have transforms that are none is said to show no person.",
+        "mild_ros/bag/people.py",
+        "if unread and (looked_at is None or unread.total() == seen):",
+        "if unread and unread.total() == seen:",
+        STILL,
+    ),
 )

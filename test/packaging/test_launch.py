@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
 from dataclasses import fields
@@ -121,6 +122,18 @@ def test_a_launched_replay_ends_with_its_bag_and_a_failure_with_its_line(ros_dom
     assert whole.returncode == 0, whole.stderr
     with open_bag(recorded) as bag:
         assert {"/joint_command", "/joint_states"} <= set(bag.topics)
+
+
+def test_control_c_while_a_launched_node_loads_its_libraries_is_no_traceback(tmp_path: Path) -> None:
+    (tmp_path / "loading_node.py").write_text("print('loads', flush=True)\nimport time\ntime.sleep(30)\n")
+    command = [sys.executable, "-c", table.QUIETLY, "loading_node", "--ros-args"]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen(command, cwd=tmp_path, text=True, **pipes) as node:
+        assert node.stdout is not None
+        assert node.stdout.readline() == "loads\n"
+        node.send_signal(signal.SIGINT)
+        assert node.communicate(timeout=20)[1] == ""
+    assert node.returncode == -signal.SIGINT
 
 
 REFUSES = "import sys, time; print('mild_ros {}: model: is none; give one', file=sys.stderr); sys.exit(2)"
