@@ -238,7 +238,7 @@ class Retargeting:
         """Why hands do not meet, or should not, with or without a person in view; "" when they may."""
         crowd = state.crowd
         unmeasured = self.camera_measured is False if crowd is None else crowd.frame_id == ARM_FRAME
-        if self._contact is None or self.standing is None or not self.standing.by_interaction:
+        if self._contact is None or self.standing is None or not self.standing.touching:
             return UNMEASURED if unmeasured else ""
         if unmeasured and not self.settings.allow_unmeasured_contact:
             return f"no contact: {UNMEASURED}"
@@ -341,7 +341,7 @@ class Retargeting:
 
     def _is_met(self, plan: Plan) -> bool:
         """Whether hands touch in what a plan is about, be it known yet or not."""
-        return self.standing is not None and plan.interaction in ("", *self.standing.by_interaction)
+        return self.standing is not None and plan.interaction in ("", *self.standing.touching)
 
     def _retreating(self, motion: JointMotion, retreat_rad_s: Joints, elapsed_s: float) -> JointMotion:
         """A step away from people; joints whose stop would leave their range stop instead."""

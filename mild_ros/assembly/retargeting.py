@@ -62,7 +62,7 @@ def make_retargeting(
         start_enabled=parameters.enabled,
     )
     there = manifest.robot_from_human
-    standing = AssumedPlacement(there.translation_m, there.yaw_rad, there.by_interaction)
+    standing = AssumedPlacement(there.translation_m, there.yaw_rad, there.by_interaction, tuple(manifest.contact))
     _compile(robot, settings, standing, manifest.controlled.kind == "human_arm")
     return Retargeting(robot, settings, standing, camera_measured)
 
@@ -73,7 +73,7 @@ def _compile(robot: RobotModel, settings: RetargetingSettings, standing: Assumed
         settings, allow_unmeasured_contact=True, start_watch_s=0.0, start_evidence=0.0, placement_uncertainty_m=0.0
     )
     stage = Retargeting(robot, eager, standing)
-    touching = next(iter(standing.by_interaction), "any")
+    touching = next(iter(standing.touching), "any")
     motion = _hanging(touching) if arms else _away(robot, touching)
     state, _ = stage.step(stage.init(), JointMeasurement(0, robot.joint_names, robot.home_rad), 0)
     state, _ = stage.step(state, None, 1)
