@@ -3,12 +3,15 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import replace
 
 import numpy as np
 
 from mild_core.inference.manifest import Manifest
+from mild_core.printable import printable_lines
 from mild_core.retargeting.human_track import AssumedPlacement
+from mild_core.retargeting.robot_checks import arm_notes, check_reach
 from mild_core.retargeting.robot_model.kinematics import forward_kinematics
 from mild_core.retargeting.robot_model.robot import RobotModel
 from mild_core.retargeting.settings import RetargetingSettings
@@ -37,6 +40,10 @@ def make_retargeting(
     """
     robot = make_robot(parameters.robot, parameters.robot_description)
     check_fit(parameters.model, manifest.controlled, robot)
+    check_reach(robot)
+    moves_arm = manifest.controlled.kind == "human_arm"
+    for note in arm_notes(robot, manifest.observed.side if moves_arm else ""):
+        logging.getLogger(__name__).warning("%s", printable_lines(note))
     delay_s = delay_of(parameters, parameters.control_rate_hz)
     settings = RetargetingSettings(
         look_ahead_s=parameters.look_ahead_s + delay_s,
