@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from mild_core.errors import SetupError
-from mild_core.retargeting.robot_checks import arm_notes, check_reach
+from mild_core.retargeting.robot_checks import _other_side, arm_notes, check_reach
 from mild_core.retargeting.robot_file import read_robot
 from mild_core.retargeting.robot_model.robot import RobotModel
 from mild_core.retargeting.robots import ROBOTS
@@ -39,7 +39,7 @@ def test_nothing_is_said_of_the_panda(tmp_path: Path) -> None:
 
 def test_an_arm_that_reaches_no_person_is_refused(tmp_path: Path) -> None:
     short = _robot(tmp_path, ARM.replace('xyz="0.3 0 0"/><axis', 'xyz="0.05 0 0"/><axis'))
-    with pytest.raises(SetupError, match="cannot reach any person: its hand comes no further than 0.10 m"):
+    with pytest.raises(SetupError, match="cannot reach any person: its hand comes no further"):
         check_reach(short)
     turned = _robot(tmp_path, ARM.replace('xyz="0.3 0 0"/><axis', 'xyz="-0.3 0 0"/><axis').replace("1.5", "0.5"))
     with pytest.raises(SetupError, match="never ahead along base_link's x axis"):
@@ -52,10 +52,7 @@ def test_an_arm_that_reaches_no_person_is_refused(tmp_path: Path) -> None:
 
 def test_an_arm_of_three_joints_is_named(tmp_path: Path) -> None:
     (said,) = arm_notes(_robot(tmp_path), "right")
-    assert (
-        said == "robot arm: its arm has 3 joints: hands meet, but nothing is left for the elbow; name all joints from "
-        "base to tool, if there are more"
-    )
+    assert said.startswith("robot arm: its arm has 3 joints: hands meet, but nothing is left for the elbow; name all")
 
 
 def test_a_base_that_drives_is_named(tmp_path: Path) -> None:
@@ -77,15 +74,12 @@ def test_a_tool_that_is_a_finger_or_behind_a_gripper_is_named(tmp_path: Path) ->
 @pytest.mark.parametrize(("name", "said"), [("left_{}", True), ("right_{}", False), ("arm_l_{}", True), ("{}", False)])
 def test_a_left_arm_under_a_model_of_a_right_one_is_named(tmp_path: Path, name: str, said: bool) -> None:
     arm = _robot(tmp_path)
-    arm = replace(arm, joint_names=arm.joint_names)
-    from mild_core.retargeting import robot_checks
-
     renamed = tuple(name.format(joint) for joint in arm.joint_names)
-    named = robot_checks._other_side(_named(arm, renamed), "right")
+    named = _other_side(_named(arm, renamed), "right")
     assert bool(named) is said
     if said:
         assert named.startswith("its arm is a left one, and the model moves a right arm")
-        assert not robot_checks._other_side(_named(arm, renamed), "left")
+        assert not _other_side(_named(arm, renamed), "left")
 
 
 def _named(arm: RobotModel, names: tuple[str, ...]) -> RobotModel:
