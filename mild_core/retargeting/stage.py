@@ -42,9 +42,11 @@ from mild_core.retargeting.timeouts import after_gap, after_time_jump, known, wi
 from mild_core.retargeting.trajectory_stream import STAND_S, TrajectoryStream, limits_between_points, resumed
 from mild_core.retargeting.unmet import (
     APART_M,
+    LASTS_S,
     LATE_AFTER_S,
     LIMITS,
     NO_TOUCH,
+    PARTED_M,
     STAYS_S,
     TOLD_AFTER_S,
     not_followed,
@@ -305,23 +307,37 @@ class Retargeting:
         self, state: RetargetingState, motion: JointMotion, among: Obstacles, refused: Mapping[str, int], now_ns: int
     ) -> RetargetingState:
         """The state that knows why a hand that is held out is not met."""
-        unmet = self._unmet(state, motion, among, refused, now_ns)
-        lasts = unmet and state.unmet and state.unmet != LIMITS and (now_ns - state.unmet_ns) * 1e-9 < STAYS_S
-        if unmet == state.unmet or lasts:
-            return state
-        state = replace(state, unmet=unmet, unmet_ns=now_ns)
-        return state.counted(unmet) if unmet else state
+        apart_m = self._apart_m(state, motion, now_ns)
+        met = (state.met and apart_m < PARTED_M) or (apart_m < APART_M and state.touch is not None)
+        unmet = "" if met or apart_m < APART_M else self._unmet(state, among, refused, now_ns)
+        lasting_s = (now_ns - state.unmet_ns) * 1e-9
+        if not unmet:
+            if not state.unmet and not state.unmet_ns and met == state.met:
+                return state
+            return replace(state, met=met, unmet="", unmet_ns=0)
+        if not state.unmet_ns:
+            return replace(state, met=met, unmet_ns=now_ns)
+        stays_s = STAYS_S if state.unmet not in ("", LIMITS) else LASTS_S
+        if unmet == state.unmet or lasting_s < stays_s:
+            return state if met == state.met else replace(state, met=met)
+        return replace(state, met=met, unmet=unmet, unmet_ns=now_ns).counted(unmet)
 
-    def _unmet(
-        self, state: RetargetingState, motion: JointMotion, among: Obstacles, refused: Mapping[str, int], now_ns: int
-    ) -> str:
+    def _apart_m(self, state: RetargetingState, motion: JointMotion, now_ns: int) -> float:
+        """From the robot's hand to one that has been held out for a while [m]; infinite for any other."""
+        sight = state.sight
+        if self._contact is None or sight is None or not sight.raised:
+            return math.inf
+        apart_m = math.dist(self._contact.tool_m(motion.position_rad), self._hand(state, now_ns))
+        return apart_m if math.isfinite(apart_m) else math.inf
+
+    def _unmet(self, state: RetargetingState, among: Obstacles, refused: Mapping[str, int], now_ns: int) -> str:
         sight = state.sight
         if self._contact is None or sight is None or state.no_contact.startswith("no contact"):
             return ""
         if not sight.offered() or (raised_s := (now_ns - sight.raised_ns) * 1e-9) < TOLD_AFTER_S:
             return ""
         hand_m = self._hand(state, now_ns)
-        if not np.isfinite(hand_m).all() or math.dist(self._contact.tool_m(motion.position_rad), hand_m) < APART_M:
+        if not np.isfinite(hand_m).all():
             return ""
         if state.mode in (Mode.WAITING, Mode.DISABLED, Mode.HELD) or state.displaced or state.silent:
             return ""

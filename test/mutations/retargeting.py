@@ -457,8 +457,8 @@ FAULTS = (
         "a reason that is never taken back",
         "A hand that rests is said not to be met.",
         f"{HERE}/stage.py",
-        "lasts = unmet and state.unmet and state.unmet != LIMITS",
-        "lasts = state.unmet and state.unmet != LIMITS and now_ns > 0 or unmet and state.unmet",
+        'return replace(state, met=met, unmet="", unmet_ns=0)',
+        "return replace(state, met=met)",
         UNMET,
     ),
     Fault(
