@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from mild_core.errors import SetupError
+from mild_ros.node_kit.dds_variables import heard_remedy
 
 LOOK_PERIOD_S = 0.05
 
@@ -38,5 +39,6 @@ class SubscriberWait:
         self._settled_s = self._settled_s + since_s if heard else 0.0
         if not heard and self._waited_s > self._patience_s:
             remedy = "start the pipeline (in lock-step with -p report_handled:=true -p use_sim_time:=true)"
-            raise SetupError("replay", f"{counts[0]} subscribers of {self._topic} after {self._waited_s:.0f} s", remedy)
+            problem = f"{counts[0]} subscribers of {self._topic} after {self._waited_s:.0f} s"
+            raise SetupError("replay", problem, heard_remedy(remedy))
         return self._settled_s >= SETTLING_S

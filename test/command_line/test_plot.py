@@ -2,20 +2,28 @@
 """`mild plot`: every figure shows the numbers of a model and its recording, and what cannot be drawn is said."""
 
 import json
+import re
+import shlex
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 from PIL import Image
 
 from mild_core.inference.model import load_model
 from mild_core.learning.data.baseline import RECOGNISED, STARTED, UNKNOWN
 from mild_core.learning.data.windows import cut
+from mild_core.learning.datasets import DATASETS
 from mild_core.learning.evaluation.errors import errors_of_trial
 from mild_core.learning.evaluation.latent_view import latent_track
 from mild_core.learning.evaluation.methods import METHODS
+from mild_core.learning.training.configuration import configuration_names
 from mild_core.learning.training.model_predictor import ModelPredictor
+from mild_core.resources import model_names
 from mild_ros.command_line.held_out import learn_without
+from mild_ros.command_line.main import assemble
 from mild_ros.command_line.plot_data import errors_over_window, latent_spaces, moments_of_each, motion_of, watched
 from test.command_line.test_main import run
 from test.command_line.test_train import smooth_track
@@ -95,6 +103,12 @@ def test_what_is_held_out_was_not_learned(quick, data, tmp_path, monkeypatch):
     for trial, latents in zip(without.held_out, without.controlled_latents, strict=True):
         assert latents.shape == (len(cut(trial, without.protocol).controlled), 5)
         assert np.ptp(latents, axis=0).max() > 0.0
+    tracks = [smooth_track(index + 20 * (index in held_out), 120) for index in range(8)]
+    others = write(tmp_path / "others.npz", tracks, [one_hot(index // 2, 120) for index in range(8)])
+    learned = (tmp_path / "out" / "folds" / "quick_without_0" / "weights.safetensors").read_bytes()
+    shutil.rmtree(tmp_path / "out")
+    learn_without(str(quick), others, 0)  # what is held out has no influence on what is learned
+    assert (tmp_path / "out" / "folds" / "quick_without_0" / "weights.safetensors").read_bytes() == learned
     seen = watched(str(quick), data, fold=0)
     for trial, person in zip(seen.trials, latent_spaces(seen)["person"].values(), strict=True):
         np.testing.assert_array_equal(person.tracks[0], latent_track(without.model, trial, without.protocol).observed)
@@ -229,3 +243,30 @@ def test_a_measured_table_becomes_latex_markdown_and_a_figure(tmp_path, capsys):
     source.write_text("[]")
     assert run("plot", "comparison", str(source)) == 2
     assert "is no table of a cross-validation" in capsys.readouterr().err
+
+
+PAGE = (ROOT / "docs" / "paper.md").read_text()
+COMMANDS = sorted(set(re.findall(r"\./mild ([^`\n|]*)", PAGE)))
+
+
+@pytest.mark.parametrize("line", COMMANDS)
+def test_every_command_of_the_page_on_the_paper_can_be_given(line):
+    """Its options are those that there are, and what it names there is; the long ones are not run."""
+    words = shlex.split(line)
+    command = typer.main.get_command(assemble(words[0])).commands[words[0]]
+    rest = words[1:]
+    while rest and hasattr(command, "commands"):
+        command, rest = command.commands[rest[0]], rest[1:]
+    given = command.make_context(words[0], rest).params
+    for name in {given.get("model"), given.get("config")} - {None, "", "MODEL"}:
+        assert name in (*configuration_names(), *model_names(), "pepper")
+    assert given.get("dataset") in (None, "", *DATASETS)
+    for table in given.get("tables") or ():
+        dataset, protocol = table.stem.removeprefix("cross_validation_").rsplit("_", 1)
+        assert protocol in DATASETS[dataset].protocols
+
+
+def test_the_page_on_the_paper_has_a_command_for_every_table_and_figure():
+    rows = dict(re.findall(r"^\| ([IVX]+|\d) \|(.*)$", PAGE, re.MULTILINE))
+    assert set(rows) == {"I", "II", "III", *"3456789"}
+    assert all("./mild " in row for row in rows.values())
