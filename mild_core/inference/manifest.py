@@ -141,6 +141,7 @@ class Manifest:
         prior: Kind and sizes.
         members: Networks by name, one mapping per member of the ensemble.
         robot_from_human: See `HumanPlacement`.
+        contact: Interactions in which hands touch: from which to which share of the motion they do.
         training: Data, licence, split, seeds, revision: for people.
         licence: Of all that was learned from, the recogniser's people included, as an SPDX expression: `NOASSERTION`
             where a source states none; "" in folders written before it was kept.
@@ -161,6 +162,7 @@ class Manifest:
     prior: PriorSpec
     members: tuple[Mapping[str, NetworkSpec], ...]
     robot_from_human: HumanPlacement
+    contact: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     stride: int = 1
     rest_s: float = 0.0
     training: Mapping[str, Any] = field(default_factory=dict)

@@ -26,6 +26,9 @@ from mild_core.inference.manifest import (
 from mild_core.inference.networks import LayerSpec
 from mild_core.inference.priors import PRIORS
 
+WHOLE = (0.0, 1.0)
+"""Of a motion, where it is not known when hands touch in it."""
+
 
 def read_manifest(folder: Path) -> Manifest:
     """Read and check `manifest.json` of a model folder, and nothing else of it.
@@ -61,6 +64,7 @@ def parse_manifest(fields: Fields) -> Manifest:
     if lead_frames != (1 - window if protocol == "same" else 1):
         raise fields.wrong("lead_frames", f"is {lead_frames}, which is not protocol '{protocol}' at window {window}")
     interactions = fields.names("interactions", 64)
+    placement = read_placement(fields.object("robot_from_human"), interactions)
     return Manifest(
         name=fields.text("name"),
         protocol=protocol,
@@ -76,7 +80,8 @@ def parse_manifest(fields: Fields) -> Manifest:
         interactions=interactions,
         prior=_prior(fields.object("prior")),
         members=tuple(_member(member) for member in fields.objects("members", 16)),
-        robot_from_human=read_placement(fields.object("robot_from_human"), interactions),
+        robot_from_human=placement,
+        contact=_contact(fields, placement, interactions),
         training=fields.object("training").values,
         licence=fields.text("licence") if fields.values.get("licence") else "",
         errors=fields.object("errors").values,
@@ -145,6 +150,22 @@ def read_placement(fields: Fields, interactions: tuple[str, ...]) -> HumanPlacem
         arm_lengths_m=(lengths[0], lengths[1]) if lengths else None,
         contact_distance_m={name: distances.number(name, 0.0, 10.0) for name in distances.values},
     )
+
+
+def _contact(
+    fields: Fields, placement: HumanPlacement, interactions: tuple[str, ...]
+) -> dict[str, tuple[float, float]]:
+    """Where hands touch; folders written before it was kept name a place for each interaction in which they do."""
+    if "contact" not in fields.values:
+        return dict.fromkeys(placement.by_interaction, WHOLE)
+    contact, found = fields.object("contact"), dict[str, tuple[float, float]]()
+    contact.only(interactions)
+    for name in contact.values:
+        first, last = contact.numbers(name, 2, 0.0, 1.0)
+        if first > last:
+            raise contact.wrong(name, f"goes from {first:g} to {last:g}", "give the smaller share first")
+        found[name] = (first, last)
+    return found
 
 
 def _optional(fields: Fields, key: str) -> Fields:

@@ -115,6 +115,7 @@ class Contact:
         elapsed_s: float,
         *,
         waits: bool = False,
+        relaxed: float = 0.0,
     ) -> tuple[FloatArray, ContactState | None]:
         """Where the joints shall be.
 
@@ -127,6 +128,8 @@ class Contact:
             here_rad: (J,) where the robot is by that command.
             elapsed_s: Since then.
             waits: Whether an offered hand has waited, and it is measured where the person stands, not assumed.
+            relaxed: From 0 to 1 how much of the learned posture is given up for that of home, where the learned one
+                would bring another part of the arm too near to somebody.
 
         Returns:
             (J,) positions [rad], and how far the hands are brought together; None when they are not.
@@ -157,13 +160,24 @@ class Contact:
         else:  # a hand that was lost a moment ago draws on, and ever less
             gap = np.zeros(3) if before is None else np.array(before.gap_m)
         start = posture if before is None else np.array(before.joints_rad)
-        joints = self._solver.step(start, [Reach(self.robot.tool_link, self._within(tool + share * gap))], posture)
+        held = posture + smooth(relaxed) * (self.robot.home_rad - posture) if relaxed else posture
+        joints = self._solver.step(start, [Reach(self.robot.tool_link, self._within(tool + share * gap))], held)
         return joints, ContactState(share, tuple(joints.tolist()), tuple(gap.tolist()), apart, withdrawn)
+
+    def is_beyond(self, hand_m: FloatArray, touch: ContactState | None) -> bool:
+        """Whether the arm does not come to a hand: by its reach or, brought together with it, by the solver."""
+        if touch is None or touch.share < MET:
+            return self._beyond_m(hand_m) > 0.0
+        return math.dist(self._chain.tool(np.array(touch.joints_rad)), hand_m) > IN_HAND_M
+
+    def tool_m(self, joints_rad: Joints) -> FloatArray:
+        """(3,) the robot's hand at J positions."""
+        return self._chain.tool(np.array(joints_rad))
 
     def _nearness(self, tool_m: FloatArray, hand_m: FloatArray) -> float:
         """The share that the distance allows, from 0 to 1; without learned motion, the one that reach allows."""
         if self.mix == "only":
-            return smooth(-self._beyond_m(hand_m) / (FAR_M - NEAR_M))
+            return smooth(1.0 - self._beyond_m(hand_m) / (FAR_M - NEAR_M))
         return smooth((FAR_M - math.dist(tool_m, hand_m)) / (FAR_M - NEAR_M))
 
     def _beyond_m(self, point_m: FloatArray) -> float:

@@ -52,12 +52,19 @@ class AssumedPlacement:
     Attributes:
         place_m: One place for all interactions.
         yaw_rad: Which way the person faces: the direction of their x axis.
-        by_interaction: Own places, for the interactions in which hands touch.
+        by_interaction: Own places of interactions.
+        contact: Interactions in which hands touch; None for those that have places of their own.
     """
 
     place_m: Point
     yaw_rad: float
     by_interaction: Mapping[str, Point] = field(default_factory=dict)
+    contact: tuple[str, ...] | None = None
+
+    @property
+    def touching(self) -> tuple[str, ...]:
+        """Interactions in which hands touch."""
+        return tuple(self.by_interaction) if self.contact is None else self.contact
 
     def place(self, interaction: str, before_m: Point | None, most_m: float) -> Point:
         """Where the person stands in an interaction, at most so far from where they stood before.

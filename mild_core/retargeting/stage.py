@@ -16,12 +16,15 @@ ramps from there. A robot that no longer says where it is may be anywhere, so th
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from mild_core.joint_measurements import JointMerger
+from mild_core.retargeting.camera_doubt import BEHIND, INSIDE, UPSIDE_DOWN, camera_doubt
+from mild_core.retargeting.clearance import BREACHES
 from mild_core.retargeting.contact import Contact, stiffness
 from mild_core.retargeting.guard import TOO_FAST, Guard, PoseEvaluation, Verdict
 from mild_core.retargeting.human_track import LOST_S, SHIFT_M_S, AssumedPlacement
@@ -37,6 +40,18 @@ from mild_core.retargeting.state import PAUSED_S, Request, RetargetingState
 from mild_core.retargeting.target import Plan, RampIn
 from mild_core.retargeting.timeouts import after_gap, after_time_jump, known, with_robot_timeout
 from mild_core.retargeting.trajectory_stream import STAND_S, TrajectoryStream, limits_between_points, resumed
+from mild_core.retargeting.unmet import (
+    APART_M,
+    LASTS_S,
+    LATE_AFTER_S,
+    LIMITS,
+    NO_TOUCH,
+    PARTED_M,
+    STAYS_S,
+    TOLD_AFTER_S,
+    not_followed,
+    not_reached,
+)
 from mild_core.retargeting.yielding import Yielding
 from mild_core.shapes import FloatArray, read_only
 from mild_core.signals import (
@@ -67,16 +82,33 @@ EASINGS = 3
 SLOWED = "slowed"
 """Counted when a part of a motion was taken."""
 
+REFUSALS = tuple(dict.fromkeys(reason for reason in BREACHES if reason))
+"""What the guard counts when it refuses a motion."""
+
 UNMEASURED = "the camera is not measured; set robot_from_camera or allow_unmeasured_contact"
 ASSUMED = "the camera is not measured: hands may touch as allow_unmeasured_contact says, where people are assumed to be"
+
 WAITS_S = 1.2
 """A hand that has been raised for longer and is held out waits to be met: the learned one has had time to come near."""
+
+NEVER = "the model names no interaction in which hands touch; name them under contact in its manifest, or set ik to off"
+"""Why hands are never brought together."""
+
+PARTNER_WAITS_S = 0.6
+"""So long waits a hand, and not `WAITS_S`, where the learned one is a partner's: that gives the posture, and comes near
+the person's by chance alone."""
+
+RELAXING_S = 0.5
+"""The learned posture is given up in this time, where it leads too near to somebody."""
 
 UNKNOWN_BODY = "the person's head and trunk are not known; use a tracker that gives shoulders and head"
 """Why hands are not brought together, or why they should not be."""
 
 NEEDED_PARTS = {"head", "trunk"}
 """Parts of the watched person that must be known for hands to touch: what must not be touched has to be known first."""
+
+DOUBTED = tuple(f"no contact: {doubt}" for doubt in (UPSIDE_DOWN, INSIDE))
+"""Said where the person's measured place is impossible, so that nothing is met there."""
 
 AT_HOME_RAD = 1e-6
 """Closer to home than this is home: far below an encoder's step, far above rounding."""
@@ -195,6 +227,7 @@ class Retargeting:
         state = with_robot_timeout(with_rest(state, self.settings, now_ns), self.settings, now_ns)
         state = with_start(state, self.settings, self._guard.chain.offsets[0][:3, 3], now_ns)
         state = self._in_next_mode(state, motion, now_ns)
+        refused = {reason: state.counts.get(reason, 0) for reason in REFUSALS}
         stands_ns = round(STAND_S * 1e9) if self.settings.execution_delay_s else 0
         try:
             if not 0 <= now_ns - state.started_ns < stands_ns:
@@ -202,6 +235,7 @@ class Retargeting:
         except NoPlanError:
             motion = JointMotion.at_rest(motion.position_rad)
             state = state.counted("no_plan")
+        state = self._with_unmet(state, motion, among, refused, now_ns)
         if self.settings.execution_delay_s:
             state = state.with_pending(motion.position_rad, self.settings.execution_delay_s, now_ns)
         return replace(state, motion=motion, commanded_ns=now_ns, had_plan=state.plan is not None), (
@@ -225,7 +259,7 @@ class Retargeting:
         mode = next_mode(state.mode, given)
         if mode is state.mode:
             return state
-        state = replace(state, since_ns=now_ns, touch=None, pursuit=None)
+        state = replace(state, since_ns=now_ns, touch=None, pursuit=None, relaxed=0.0)
         if mode is Mode.FOLLOWING and state.plan is not None:
             return replace(state, mode=mode)
         if mode is Mode.HOLDING and not (state.displaced or state.silent) and state.mode is Mode.FOLLOWING:
@@ -238,11 +272,17 @@ class Retargeting:
         """Why hands do not meet, or should not, with or without a person in view; "" when they may."""
         crowd = state.crowd
         unmeasured = self.camera_measured is False if crowd is None else crowd.frame_id == ARM_FRAME
-        if self._contact is None or self.standing is None or not self.standing.by_interaction:
+        if self._contact is None or self.standing is None:
             return UNMEASURED if unmeasured else ""
+        if not self.standing.touching:
+            return f"no contact: {NEVER}"
         if unmeasured and not self.settings.allow_unmeasured_contact:
             return f"no contact: {UNMEASURED}"
         present = crowd is not None and person_present(state, self.settings, now_ns)
+        measured = present and crowd is not None and crowd.frame_id != ARM_FRAME
+        doubt = camera_doubt(crowd, self._guard.chain.offsets[0][:3, 3]) if measured and crowd is not None else ""
+        if doubt:
+            return doubt if doubt == BEHIND else f"no contact: {doubt}"
         if present and crowd is not None and not crowd.watched_parts >= NEEDED_PARTS:
             return f"no contact: {UNKNOWN_BODY}"
         return ASSUMED if unmeasured else ""
@@ -263,10 +303,62 @@ class Retargeting:
             state = state.counted("bystander_near")
         return replace(state, no_contact=no_contact, crowded=crowded)
 
+    def _with_unmet(
+        self, state: RetargetingState, motion: JointMotion, among: Obstacles, refused: Mapping[str, int], now_ns: int
+    ) -> RetargetingState:
+        """The state that knows why a hand that is held out is not met."""
+        apart_m = self._apart_m(state, motion, now_ns)
+        met = (state.met and apart_m < PARTED_M) or (apart_m < APART_M and state.touch is not None)
+        unmet = "" if met or apart_m < APART_M else self._unmet(state, among, refused, now_ns)
+        lasting_s = (now_ns - state.unmet_ns) * 1e-9
+        if not unmet:
+            if not state.unmet and not state.unmet_ns and met == state.met:
+                return state
+            return replace(state, met=met, unmet="", unmet_ns=0)
+        if not state.unmet_ns:
+            return replace(state, met=met, unmet_ns=now_ns)
+        stays_s = STAYS_S if state.unmet not in ("", LIMITS) else LASTS_S
+        if unmet == state.unmet or lasting_s < stays_s:
+            return state if met == state.met else replace(state, met=met)
+        return replace(state, met=met, unmet=unmet, unmet_ns=now_ns).counted(unmet)
+
+    def _apart_m(self, state: RetargetingState, motion: JointMotion, now_ns: int) -> float:
+        """From the robot's hand to one that has been held out for a while [m]; infinite for any other."""
+        sight = state.sight
+        if self._contact is None or sight is None or not sight.raised:
+            return math.inf
+        apart_m = math.dist(self._contact.tool_m(motion.position_rad), self._hand(state, now_ns))
+        return apart_m if math.isfinite(apart_m) else math.inf
+
+    def _unmet(self, state: RetargetingState, among: Obstacles, refused: Mapping[str, int], now_ns: int) -> str:
+        sight = state.sight
+        if self._contact is None or sight is None or state.no_contact.startswith("no contact"):
+            return ""
+        if not sight.offered() or (raised_s := (now_ns - sight.raised_ns) * 1e-9) < TOLD_AFTER_S:
+            return ""
+        hand_m = self._hand(state, now_ns)
+        if not np.isfinite(hand_m).all():
+            return ""
+        if state.mode in (Mode.WAITING, Mode.DISABLED, Mode.HELD) or state.displaced or state.silent:
+            return ""
+        if state.mode is not Mode.FOLLOWING or state.plan is None:
+            return not_followed(state.start_refusal)
+        if not self._is_met(state.plan):
+            return NO_TOUCH
+        met_m, _ = self._guard.push_out(hand_m, among.touchable())
+        why = not_reached(
+            beyond=self._contact.is_beyond(met_m, state.touch),
+            pushed=math.dist(met_m, hand_m) > APART_M,
+            yielding=state.yielding,
+            refusals=[reason for reason, count in refused.items() if state.counts.get(reason, 0) != count],
+            hand_m_s=float(np.linalg.norm(sight.velocity_m_s)),
+        )
+        return "" if why == LIMITS and raised_s < LATE_AFTER_S else why
+
     def _may_touch(self, state: RetargetingState) -> bool:
         """Whether the watched person is known well enough for hands to touch."""
         crowd = state.crowd
-        if crowd is None or not crowd.watched_parts >= NEEDED_PARTS:
+        if crowd is None or not crowd.watched_parts >= NEEDED_PARTS or state.no_contact in DOUBTED:
             return False
         return crowd.frame_id != ARM_FRAME or self.settings.allow_unmeasured_contact
 
@@ -312,6 +404,10 @@ class Retargeting:
             return state, wanted
         taken, verdict = self._harmless(motion, wanted, among, here, elapsed_s, retreat is not None)
         refusal = verdict.refusal
+        if following and state.plan is not None and state.plan.rows.ndim == 3:
+            hindered = retreat is not None or refusal not in ("", SLOWED, TOO_FAST)
+            if hindered and state.relaxed < 1.0:
+                state = replace(state, relaxed=min(1.0, state.relaxed + elapsed_s / RELAXING_S))
         if refusal and among.is_bystander(verdict.segment):
             state = _paused(state, now_ns)
         if state.pursuit is not None and (retreat is not None or (refusal and refusal not in (SLOWED, TOO_FAST))):
@@ -341,7 +437,7 @@ class Retargeting:
 
     def _is_met(self, plan: Plan) -> bool:
         """Whether hands touch in what a plan is about, be it known yet or not."""
-        return self.standing is not None and plan.interaction in ("", *self.standing.by_interaction)
+        return self.standing is not None and plan.interaction in ("", *self.standing.touching)
 
     def _retreating(self, motion: JointMotion, retreat_rad_s: Joints, elapsed_s: float) -> JointMotion:
         """A step away from people; joints whose stop would leave their range stop instead."""
@@ -412,9 +508,10 @@ class Retargeting:
             given = (plan.covariance, met_m, offered, state.touch)
             measured = state.sight is not None and state.sight.frame_id == ROBOT_FRAME
             raised_s = 0.0 if state.sight is None else (now_ns - state.sight.raised_ns) * 1e-9
-            waits = measured and (not plan.interaction or raised_s > WAITS_S)
+            partner = plan.rows.ndim == 3
+            waits = measured and (not plan.interaction or raised_s > (PARTNER_WAITS_S if partner else WAITS_S))
             here_rad = np.array(motion.position_rad)
-            aimed, touch = self._contact.aim(aimed, *given, here_rad, elapsed_s, waits=waits)
+            aimed, touch = self._contact.aim(aimed, *given, here_rad, elapsed_s, waits=waits, relaxed=state.relaxed)
             aimed = np.minimum(np.maximum(aimed, self._lower), self._upper)
         pursuit = state.pursuit or RampIn.onto(aimed, self._limiter.resting_place(motion))
         hurry = 0.0 if touch is None or plan.gentle else touch.share * self._guard.nearness(state.near_m)

@@ -16,6 +16,7 @@ from mild_core.retargeting.limiter import JointMotion, Joints
 from mild_core.retargeting.modes import Mode
 from mild_core.retargeting.obstacles import Crowd
 from mild_core.retargeting.target import Plan, RampIn
+from mild_core.retargeting.unmet import NO_TOUCH, TEXTS
 from mild_core.signals import PersonPose
 
 PAUSED_S = 1.0
@@ -70,7 +71,11 @@ class RetargetingState:
         touch: How far the hands have been brought together; None when they are not.
         place_m: Where the person is taken to stand, if the camera's pose is unknown.
         near_m: Distance of the nearest person to the arm at the newest command [m].
+        relaxed: From 0 to 1 how much of a learned partner's posture is given up, since it led too near to somebody.
         no_contact: Why hands are not brought together; "" when they may be.
+        met: Whether the hand that is held out has been met.
+        unmet: Why a hand that is held out is not met, a key of `unmet.TEXTS`; "" when it is, or none is held out ...
+        unmet_ns: ... and since when, or since when none has been told; 0 for a hand that need not be met.
         crowded: Whether a bystander is within the arm's reach, or near it.
         paused_ns: When a bystander last held the arm back; None if never.
         yielding: Whether the arm gives way to a person ...
@@ -111,7 +116,11 @@ class RetargetingState:
     touch: ContactState | None = None
     place_m: Point | None = None
     near_m: float = math.inf
+    relaxed: float = 0.0
     no_contact: str = ""
+    met: bool = False
+    unmet: str = ""
+    unmet_ns: int = 0
     crowded: bool = False
     paused_ns: int | None = None
     yielding: bool = False
@@ -140,6 +149,8 @@ class RetargetingState:
     def notices(self, now_ns: int) -> tuple[str, ...]:
         """What an operator should know of people, each a sentence."""
         found = [self.no_contact] if self.no_contact else []
+        if self.unmet and self.unmet != NO_TOUCH:
+            found.append(f"hand not met: {TEXTS[self.unmet]}")
         if self.paused_ns is not None and (now_ns - self.paused_ns) * 1e-9 < PAUSED_S:
             found.append("paused: a bystander is within reach")
         elif self.crowded:

@@ -21,6 +21,9 @@ from mild_core.shapes import FloatArray
 from mild_ros.assembly.calibration_file import CalibrationFile
 from mild_ros.assembly.settings import PerceptionParameters
 
+MOST_RAD, FARTHEST_M = 2.0 * np.pi + 0.01, 50.0
+"""Angles beyond the first are degrees, and places beyond the second millimetres: no tracker sees people from there."""
+
 
 def manifest_of(model: str) -> Manifest:
     """What the model of a name or a path was trained with, without loading it.
@@ -55,10 +58,18 @@ def robot_from_camera(text: str) -> FloatArray | None:
         pose = np.eye(4)
         pose[:3, :3] = rotation_from_rpy(roll, pitch, yaw)
         pose[:3, 3] = x, y, z
+        if max(abs(roll), abs(pitch), abs(yaw)) > MOST_RAD:
+            raise ValueError("in degrees")
         if not np.isfinite(pose).all():
             raise ValueError("it is infinitely far away")
     except ValueError as error:
-        raise SetupError("parameter robot_from_camera", f"is '{text}'", "give x y z roll pitch yaw [m, rad]") from error
+        said = f"is '{text}'"
+        if "in degrees" in str(error):
+            said += ", whose angles are more than a turn: they look like degrees"
+        raise SetupError("parameter robot_from_camera", said, "give x y z roll pitch yaw [m, rad]") from error
+    if np.linalg.norm(pose[:3, 3]) > FARTHEST_M:
+        said = f"is '{text}', which is {np.linalg.norm(pose[:3, 3]):.0f} m from the robot: it looks like millimetres"
+        raise SetupError("parameter robot_from_camera", said, "give x y z roll pitch yaw [m, rad]")
     return pose
 
 

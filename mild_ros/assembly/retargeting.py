@@ -3,12 +3,15 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import replace
 
 import numpy as np
 
 from mild_core.inference.manifest import Manifest
+from mild_core.printable import printable_lines
 from mild_core.retargeting.human_track import AssumedPlacement
+from mild_core.retargeting.robot_checks import arm_notes, check_reach
 from mild_core.retargeting.robot_model.kinematics import forward_kinematics
 from mild_core.retargeting.robot_model.robot import RobotModel
 from mild_core.retargeting.settings import RetargetingSettings
@@ -37,6 +40,10 @@ def make_retargeting(
     """
     robot = make_robot(parameters.robot, parameters.robot_description)
     check_fit(parameters.model, manifest.controlled, robot)
+    check_reach(robot)
+    moves_arm = manifest.controlled.kind == "human_arm"
+    for note in arm_notes(robot, manifest.observed.side if moves_arm else ""):
+        logging.getLogger(__name__).warning("%s", printable_lines(note))
     delay_s = delay_of(parameters, parameters.control_rate_hz)
     settings = RetargetingSettings(
         look_ahead_s=parameters.look_ahead_s + delay_s,
@@ -62,7 +69,7 @@ def make_retargeting(
         start_enabled=parameters.enabled,
     )
     there = manifest.robot_from_human
-    standing = AssumedPlacement(there.translation_m, there.yaw_rad, there.by_interaction)
+    standing = AssumedPlacement(there.translation_m, there.yaw_rad, there.by_interaction, tuple(manifest.contact))
     _compile(robot, settings, standing, manifest.controlled.kind == "human_arm")
     return Retargeting(robot, settings, standing, camera_measured)
 
@@ -73,7 +80,7 @@ def _compile(robot: RobotModel, settings: RetargetingSettings, standing: Assumed
         settings, allow_unmeasured_contact=True, start_watch_s=0.0, start_evidence=0.0, placement_uncertainty_m=0.0
     )
     stage = Retargeting(robot, eager, standing)
-    touching = next(iter(standing.by_interaction), "any")
+    touching = next(iter(standing.touching), "any")
     motion = _hanging(touching) if arms else _away(robot, touching)
     state, _ = stage.step(stage.init(), JointMeasurement(0, robot.joint_names, robot.home_rad), 0)
     state, _ = stage.step(state, None, 1)

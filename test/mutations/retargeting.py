@@ -13,6 +13,8 @@ LIMITS = (f"{TESTS}/test_limit_check.py",)
 PIPELINE = ("test/core/test_pipeline.py",)
 MODES = (f"{TESTS}/test_modes.py",)
 CONTACT = (f"{TESTS}/test_contact_rules.py",)
+UNMET = (f"{TESTS}/test_unmet.py",)
+CHECKS = (f"{TESTS}/test_robot_checks.py",)
 TRACK = (f"{TESTS}/test_human_track.py",)
 PLAN = (f"{TESTS}/test_plan.py",)
 REACH = (f"{TESTS}/test_geometry.py", f"{TESTS}/test_inverse_kinematics.py", f"{TESTS}/test_kinematics.py")
@@ -410,6 +412,86 @@ FAULTS = (
         "if hand_m is not None and offered and waits:",
         "if hand_m is not None and offered and waits and share > 1.0:",
         CONTACT,
+    ),
+    Fault(
+        "only waits for a hand deep inside its reach",
+        "Without learned motion a hand near the end of the arm is not met.",
+        f"{HERE}/contact.py",
+        "return smooth(1.0 - self._beyond_m(hand_m) / (FAR_M - NEAR_M))",
+        "return smooth(-self._beyond_m(hand_m) / (FAR_M - NEAR_M))",
+        CONTACT,
+    ),
+    Fault(
+        "hands touch where interactions have places",
+        "Models of two people meet nobody.",
+        f"{HERE}/human_track.py",
+        "return tuple(self.by_interaction) if self.contact is None else self.contact",
+        "return tuple(self.by_interaction)",
+        UNMET,
+    ),
+    Fault(
+        "the posture of home is never taken",
+        "An elbow that the partner's posture brings too near to somebody keeps hands from meeting.",
+        f"{HERE}/contact.py",
+        "held = posture + smooth(relaxed) * (self.robot.home_rad - posture) if relaxed else posture",
+        "held = posture",
+        CONTACT,
+    ),
+    Fault(
+        "a hand out of reach is on its way",
+        "That the arm does not come there is not said.",
+        f"{HERE}/unmet.py",
+        "if beyond:",
+        "if beyond and hand_m_s > 1e9:",
+        UNMET,
+    ),
+    Fault(
+        "the arm holds back from no one",
+        "That the guard keeps hands apart is not said.",
+        f"{HERE}/unmet.py",
+        "if pushed or yielding or any(reason != TOO_FAST for reason in refusals):",
+        "if pushed:",
+        UNMET,
+    ),
+    Fault(
+        "a reason that is never taken back",
+        "A hand that rests is said not to be met.",
+        f"{HERE}/stage.py",
+        'return replace(state, met=met, unmet="", unmet_ns=0)',
+        "return replace(state, met=met)",
+        UNMET,
+    ),
+    Fault(
+        "people on their heads are met",
+        "A camera whose angles are wrong is not named.",
+        f"{HERE}/camera_doubt.py",
+        "if ends_m[1, 2] - ends_m[0, 2] > INVERTED_M:",
+        "if ends_m[1, 2] - ends_m[0, 2] > 1e9:",
+        UNMET,
+    ),
+    Fault(
+        "an arm that reaches nobody is taken",
+        "An arm of a few centimetres is set up to meet hands.",
+        f"{HERE}/robot_checks.py",
+        "if reach_m < LEAST_REACH_M:",
+        "if reach_m < 0.0:",
+        CHECKS,
+    ),
+    Fault(
+        "every gripper is part of the hand",
+        "A gripper that comes into the person's hand first is not named.",
+        f"{HERE}/robot_checks.py",
+        "if farthest < BEYOND_M:",
+        "if farthest < 1e9:",
+        CHECKS,
+    ),
+    Fault(
+        "left arms are right ones",
+        "An arm whose elbow goes to the wrong side is not named.",
+        f"{HERE}/robot_checks.py",
+        "if named[1] > named[0] or",
+        "if named[1] > 1e9 or",
+        CHECKS,
     ),
     Fault(
         "precisions exchanged",

@@ -11,6 +11,9 @@ import pytest
 
 from mild_core.errors import SetupError
 from mild_core.inference.manifest import ControlledAgent
+from mild_core.learning.data.people import PeopleRecording
+from mild_core.learning.evaluation.strangers import watch
+from mild_core.learning.training.place_fit import touching
 from mild_core.perception.skeletons import SOURCES
 from mild_core.retargeting.robot_file import find_robot
 from mild_core.signals import ARM_JOINTS, JointCommand, MotionWindow
@@ -20,10 +23,11 @@ from mild_ros.assembly.robot import make_robot
 from mild_ros.assembly.settings import PipelineParameters
 from mild_ros.replay.in_process import Inputs, Step, replay_in_process
 from mild_ros.replay.recorded import read_run
+from mild_ros.simulation.person import BODY_JOINTS, bodies
 from test.core.retargeting.limits import check_limits
 from test.core.retargeting.panda import panda_file
 from test.replay.made_model import save_random_model
-from tools.scenes import SCENES, write_scene
+from tools.scenes import RATE_HZ, SCENES, arm_track, write_scene
 
 PARTNER = ControlledAgent("human_arm", "human", ARM_JOINTS, "m")
 BENT_M = ((0.0, 0.0, 0.0), (0.15, -0.05, -0.2), (0.4, -0.05, -0.1))
@@ -95,3 +99,28 @@ def test_a_vendors_description_takes_the_place_of_ours(tmp_path: Path) -> None:
         make_robot("pepper", str(theirs.rename(tmp_path / "other.urdf")))
     with pytest.raises(SetupError, match="parameter robot_description: no file"):
         make_robot("pepper", str(tmp_path / "none.urdf"))
+
+
+@pytest.mark.parametrize(("interaction", "ik"), [("rocket", "blend"), ("rocket", "only"), ("auto", "blend")])
+def test_a_hand_is_met_by_a_robot_for_which_nothing_was_learned(panda: Path, interaction: str, ik: str) -> None:
+    """The partner's arm gives the posture; the hand's own place is measured."""
+    arm = arm_track(next(scene for scene in SCENES if scene.name == "rocket"))
+    placed = bodies(arm) @ np.diag([-1.0, -1.0, 1.0]) + np.array([1.05, 0.1, 0.6])
+    recording = PeopleRecording(
+        "one", "rocket", (np.nan, np.nan), BODY_JOINTS, placed[:, None], np.arange(len(placed)) / RATE_HZ
+    )
+    parameters = PipelineParameters(
+        model="nuisi_partner_next",
+        robot=str(panda),
+        interaction=interaction,
+        ik=ik,
+        source="pose_array",
+        joint_names=BODY_JOINTS,
+        source_axes="rep103",
+        robot_from_camera="0 0 0 0 0 0",
+    )
+    seen = watch(make_pipeline(parameters, load(parameters.model)), recording, 0)
+    hand_m = placed[:, BODY_JOINTS.index("right_hand")]
+    held_out = np.flatnonzero(touching(hand_m))
+    apart_m = np.linalg.norm(seen.hands_m - hand_m, axis=1)[held_out[len(held_out) // 2 :]]
+    assert np.median(apart_m) < 0.02

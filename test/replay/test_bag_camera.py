@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mild_core.errors import BagError
+from mild_core.errors import BagError, SetupError
 from mild_core.perception.skeletons import SOURCES
 from mild_core.perception.stage import Perception
 from mild_ros.assembly.perception import make_perception, manifest_of, robot_from_camera
@@ -98,3 +98,22 @@ def test_a_replay_takes_the_camera_that_the_bag_states_for_the_robot_of_a_config
     own = tmp_path / "own.yaml"
     own.write_text("/**/pipeline:\n  ros__parameters:\n    robot_from_camera: '1 0 0 0 0 0'\n")
     assert camera_for(str(own), bag) == "1 0 0 0 0 0", "what is set counts"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("1.2 0 0.8 -90 0 90", "look like degrees"),
+        ("1200 0 800 0 0 0", "looks like millimetres"),
+        ("1 0 0 nan 0 0", "is '1 0 0 nan 0 0'"),
+    ],
+)
+def test_a_camera_pose_in_other_units_is_refused(text: str, said: str) -> None:
+    with pytest.raises(SetupError, match="robot_from_camera") as refused:
+        robot_from_camera(text)
+    assert said in str(refused.value)
+    assert "give x y z roll pitch yaw [m, rad]" in str(refused.value)
+
+
+def test_a_camera_pose_of_almost_a_turn_is_taken() -> None:
+    assert robot_from_camera("1 0 0 -6.28 0 3.2") is not None

@@ -24,6 +24,7 @@ from mild_core.inference.networks import LayerSpec
 from mild_core.learning.data.coordinates import Coordinates
 from mild_core.learning.data.demonstration import Demonstration
 from mild_core.learning.data.windows import onset_frame
+from mild_core.learning.training.contact_phases import contact_phases
 from mild_core.learning.training.corpus import corpus_of
 from mild_core.learning.training.novelty import bone_lengths_m, latent_radius, territory_of
 from mild_core.learning.training.settings import TrainingSettings
@@ -146,6 +147,7 @@ def _manifest(
         prior=PriorSpec(settings.prior.kind, settings.prior.components, longest),
         members=members,
         robot_from_human=facts.placement,
+        contact=contact_phases(demonstrations, facts.placement),
         training=facts.training,
         licence=facts.licence,
         errors=facts.errors,

@@ -176,3 +176,25 @@ def test_a_hand_out_of_reach_is_reached_for_and_no_further(contact) -> None:
     assert math.dist(contact._within(shoulder + 3.0 * outward), shoulder) == pytest.approx(reach_m, rel=0.1)
     np.testing.assert_allclose(np.cross(contact._within(shoulder + 3.0 * outward) - shoulder, outward), 0.0, atol=1e-12)
     np.testing.assert_array_equal(contact._within(TOOL_M), TOOL_M)
+
+
+def test_without_learned_motion_a_hand_at_the_end_of_the_arm_is_met_too() -> None:
+    only = Contact(YUMI, "only", 0.01)
+    shoulder = CHAIN.offsets[0][:3, 3]
+    outward = (TOOL_M - shoulder) / math.dist(TOOL_M, shoulder)
+    _, touch = only.aim(LEARNED, SURE, shoulder + (only._reach_m - 0.02) * outward, True, None, YUMI.home_rad, 10.0)
+    assert touch is not None
+    assert touch.share == 1.0
+    beyond = shoulder + (only._reach_m + FAR_M) * outward
+    assert only.aim(LEARNED, SURE, beyond, True, None, YUMI.home_rad, 10.0)[1] is None
+
+
+def test_a_posture_that_is_given_up_gives_way_to_that_of_home_and_the_hand_stays(contact) -> None:
+    elbows = []
+    for relaxed in (0.0, 1.0):
+        joints, touch = LEARNED, None
+        for _ in range(200):
+            joints, touch = contact.aim(LEARNED, SURE, beside(0.05), True, touch, joints, TICK_S, relaxed=relaxed)
+        assert math.dist(CHAIN.tool(joints), beside(0.05)) < 0.01
+        elbows.append(float(np.linalg.norm(joints - YUMI.home_rad)))
+    assert elbows[1] < 0.9 * elbows[0]

@@ -20,6 +20,7 @@ from mild_core.retargeting.robots.yumi import YUMI
 from mild_core.retargeting.stage import (
     ASSUMED,
     GENTLE,
+    NEVER,
     UNKNOWN_BODY,
     UNMEASURED,
     Request,
@@ -323,7 +324,9 @@ def test_an_unmeasured_camera_is_reported_before_a_person_is_seen() -> None:
     assert reasons(False) == (f"no contact: {UNMEASURED}",)
     assert reasons(True) == reasons(None) == ()
     assert reasons(False, allow_unmeasured_contact=True) == (ASSUMED,)
-    assert reasons(False, replace(STANDING, by_interaction={})) == (UNMEASURED,), "nothing touches"
+    nothing_touches = replace(STANDING, by_interaction={})
+    assert reasons(False, nothing_touches, ik="off") == (UNMEASURED,)
+    assert reasons(False, nothing_touches) == (f"no contact: {NEVER}",)
     run = Around()
     run.retargeting = Retargeting(YUMI, run.retargeting.settings, STANDING, camera_measured=False)
     run.state = run.retargeting.init()
