@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The canonical arm: for every person and place, a right arm in the model's frame with the model's bone lengths; and
-whether it is still the calibrated person who is seen: by bones that are all too long or too short for long."""
+"""The canonical arm, a right one with the model's bones for every person, and whether it is still the same person's."""
 
 from __future__ import annotations
 

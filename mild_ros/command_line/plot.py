@@ -57,7 +57,7 @@ def window(
         mild plot window --model my_model --data traj_data.npz --split test
     """
     from mild_ros.command_line.plot_data import errors_over_window, watched
-    from mild_ros.viewing.figures.over_window import draw_over_window
+    from mild_ros.viewing.figures.comparison import draw_over_window
 
     seen = watched(model, data, split)
     errors, times_s = errors_over_window(seen)
