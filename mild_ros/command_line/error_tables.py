@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import collections
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -11,11 +12,15 @@ from typing import TYPE_CHECKING, Any
 from rich.table import Table
 
 from mild_ros.command_line.console import Console
+from mild_ros.viewing.figures.tables import STARS, star
 
 if TYPE_CHECKING:
     from mild_core.learning.data.units import Unit
     from mild_core.learning.evaluation.comparison import Relative, Row
     from mild_core.learning.evaluation.errors import Errors
+
+WIDEST = 500
+"""Columns of text that a table may take."""
 
 
 def errors_as_data(errors: Errors, unit: Unit) -> dict[str, Any]:
@@ -91,10 +96,20 @@ def rows_as_data(rows: Sequence[Row], unit: Unit) -> list[dict[str, Any]]:
             },
             "seconds": row.seconds,
             "residual_covariance": None if row.errors.covariance is None else row.errors.covariance.tolist(),
-            **errors_as_data(row.errors, unit),
+            **_with_papers(errors_as_data(row.errors, unit), row, unit),
         }
         for row in rows
     ]
+
+
+def _with_papers(data: dict[str, Any], row: Row, unit: Unit) -> dict[str, Any]:
+    """Errors with what the MILD paper's tables show beside them: its unit, and a test against Bütepage et al."""
+    for name, one in data["interactions"].items():
+        if unit.paper_scale is not None and one["mse"] is not None:
+            one |= {"paper_mse": one["mse"] * unit.paper_scale, "paper_mse_std": one["mse_std"] * unit.paper_scale}
+        if name in row.p_against_buetepage:
+            one["p_against_buetepage"] = row.p_against_buetepage[name]
+    return data
 
 
 def overall_cells(rows: Sequence[Row], unit: Unit) -> list[list[str]]:
@@ -124,8 +139,13 @@ def interaction_cells(rows: Sequence[Row], spread: bool) -> list[list[str]]:
     names = list(rows[0].errors.interactions)
     lines = [["method", "labels", *names]]
     for row in rows:
-        each = (row.errors.interactions[name] for name in names)
-        cells = (_number(one.mse) + (f" ± {_number(one.mse_std)}" if spread else "") for one in each)
+        each = ((name, row.errors.interactions[name]) for name in names)
+        cells = (
+            _number(one.mse)
+            + (f" ± {_number(one.mse_std)}" if spread else "")
+            + star(row.p_against_buetepage.get(name))
+            for name, one in each
+        )
         lines.append([row.title, row.labels, *cells])
     return lines
 
@@ -133,7 +153,11 @@ def interaction_cells(rows: Sequence[Row], spread: bool) -> list[list[str]]:
 def print_comparison(title: str, rows: Sequence[Row], unit: Unit) -> None:
     """Tables of all methods, the best first."""
     print_cells(title, overall_cells(rows, unit), 2)
-    print_cells("by interaction", interaction_cells(rows, spread=False), 2)
+    print_cells(
+        f"by interaction{'; ' + STARS if any(row.p_against_buetepage for row in rows) else ''}",
+        interaction_cells(rows, spread=False),
+        2,
+    )
 
 
 def print_cells(title: str, lines: Sequence[Sequence[str]], named: int) -> None:
@@ -142,10 +166,18 @@ def print_cells(title: str, lines: Sequence[Sequence[str]], named: int) -> None:
         return
     table = Table(title=title)
     for place, column in enumerate(lines[0]):
-        table.add_column(column, justify="left" if place < named else "right", no_wrap=place < named + 1)
+        table.add_column(column, justify="left" if place < named else "right", no_wrap=place == named)
     for line in lines[1:]:
         table.add_row(*line)
-    Console().print(table)
+    console, words = Console(), [word for line in lines for cell in line for word in cell.split()]
+    # Wider than the terminal rather than without figures: rich cuts what does not fit.
+    for width in range(console.width, WIDEST):
+        console.width = width
+        with console.capture() as drawn:
+            console.print(table)
+        if collections.Counter(words) <= collections.Counter(drawn.get().split()):
+            break
+    console.print(table)
 
 
 def markdown(rows: Sequence[Row], unit: Unit) -> str:

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,12 +13,15 @@ import numpy as np
 from mild_core.errors import SetupError
 from mild_core.shapes import FloatArray
 from mild_core.signals import MotionWindow
+from mild_ros.command_line.console import Console
+from mild_ros.command_line.held_out import learn_without
 from mild_ros.viewing.figures.joints import Motion
 from mild_ros.viewing.figures.latent import LatentSpace
 from mild_ros.viewing.figures.skeletons import Moment
 
 if TYPE_CHECKING:
     from mild_core.inference.motion_model import MildModel
+    from mild_core.learning.data.baseline import Predictor
     from mild_core.learning.data.demonstration import Demonstration
     from mild_core.learning.data.recording import Recording
     from mild_core.learning.data.windows import Protocol
@@ -29,72 +33,139 @@ to face one's right is the other's left, and shoulders are 0.37 m apart."""
 
 @dataclass(frozen=True, eq=False)
 class ModelTrials:
-    """A model and the trials that it watches."""
+    """A model and the trials that it watches.
+
+    Attributes:
+        model: The model.
+        recording: Where the trials are from.
+        protocol: Of the model.
+        trials: What it watches.
+        which: What these trials are to the model, for titles.
+        learned: Trials that other methods may learn from to be shown beside it; empty where it saw these trials.
+        controlled_latents: See `HeldOutModel`; empty of a model folder, which holds no network for them.
+        seed: Of the model's draws.
+    """
 
     model: MildModel
     recording: Recording
     protocol: Protocol
     trials: tuple[Demonstration, ...]
+    which: str
+    learned: tuple[Demonstration, ...] = ()
+    controlled_latents: tuple[FloatArray, ...] = ()
+    seed: int = 0
+
+    def only(self, place: int) -> ModelTrials:
+        """The same with one of its trials.
+
+        Raises:
+            SetupError: There is none.
+        """
+        if place >= len(self.trials):
+            problem = f"there are {len(self.trials)} {self.which}"
+            raise SetupError(f"trial {place}", problem, f"give at most {len(self.trials) - 1}")
+        return replace(self, trials=(self.trials[place],), controlled_latents=())
 
 
-def watched(name: str, data: Path | None, split: str, trial: int | None = None) -> ModelTrials:
-    """Load a model and its recording; only one trial of it where `trial` is given.
+def watched(name: str, data: Path | None, split: str = "", fold: int | None = None) -> ModelTrials:
+    """A model and trials that it did not learn from, unless they are asked for.
+
+    Args:
+        name: Of a model or its folder; with `fold` also of a configuration.
+        data: The recording; None: where its data set lies.
+        split: "test", "train" (which the model learned from), or "": those of `fold`, or the test trials where the
+            recording has some.
+        fold: Held out from a model that is learned for it.
 
     Raises:
-        SetupError: There is no such model, recording, split or trial.
+        SetupError: There is no such model, recording, split or fold, or no trial that the model did not learn from.
     """
-    from mild_core.inference.model import load_model
     from mild_core.learning.datasets import recording_named
     from mild_core.learning.training.model_predictor import require_fit
-    from mild_core.resources import model_folder
+    from mild_core.resources import load_model
 
-    model = load_model(model_folder(name))
+    if fold is not None:
+        if split:
+            raise SetupError("--split and --fold", "are both given", "give one")
+        without = learn_without(name, data, fold)
+        parts = (without.recording, without.protocol, without.held_out, f"trials of fold {fold}, held out")
+        return ModelTrials(without.model, *parts, without.learned, without.controlled_latents, without.seed)
+    model = load_model(name)
     recording = recording_named(str(model.manifest.training.get("dataset", "buetepage_hr")), data)
     protocol, path = recording.protocols[model.manifest.protocol], data or recording.default_path()
-    trials = recording.read(path).split(split)
+    read = recording.read(path)
+    trials = read.split(split or "test")
+    if not trials and not split:
+        problem = "has no trial that the model did not learn from"
+        remedy = "give --fold 0 (the model is learned without that fold) or --split train"
+        raise SetupError(str(path), problem, remedy)
     if not trials:
-        raise SetupError(str(path), f"its {split} split is empty", "give a file with such trials, or the other split")
-    if trial is not None:
-        if trial >= len(trials):
-            raise SetupError(
-                f"trial {trial}", f"there are {len(trials)} {split} trials", f"give at most {len(trials) - 1}"
-            )
-        trials = (trials[trial],)
+        raise SetupError(str(path), f"its {split} split is empty", "give --fold 0, or the other split")
     require_fit(model.manifest, protocol, trials)
-    return ModelTrials(model, recording, protocol, trials)
+    if split == "train":
+        return ModelTrials(model, recording, protocol, trials, "training trials, which it learned from")
+    return ModelTrials(model, recording, protocol, trials, "test trials", read.train)
 
 
 def latent_spaces(seen: ModelTrials) -> dict[str, dict[str, LatentSpace]]:
-    """Tracks and components of both agents by interaction, of the model's first member."""
+    """Tracks and components of both agents by interaction, of the model's first member: their own posteriors."""
     from mild_core.learning.evaluation.latent_view import latent_track
 
     manifest, other = seen.model.manifest, "partner" if seen.recording.robot == "" else "robot"
     size = manifest.latent_size
     found: dict[str, dict[str, LatentSpace]] = {"person": {}, other: {}}
     for prior, name in zip(seen.model.members[0].priors, manifest.interactions, strict=True):
-        trials = [trial for trial in seen.trials if trial.interaction == name]
-        tracks = [latent_track(seen.model, trial, seen.protocol) for trial in trials]
-        if not tracks:
+        both = zip(seen.trials, seen.controlled_latents, strict=True)
+        here = [(trial, latents) for trial, latents in both if trial.interaction == name]
+        if not here:
             continue
+        tracks = [latent_track(seen.model, trial, seen.protocol).observed for trial, _ in here]
         mean, covariance = prior.components.mean, prior.components.covariance
-        person = LatentSpace([t.observed for t in tracks], mean[:, :size], covariance[:, :size, :size])
-        moved = LatentSpace([t.controlled for t in tracks], mean[:, size:], covariance[:, size:, size:])
-        found["person"][name], found[other][name] = person, moved
+        found["person"][name] = LatentSpace(tracks, mean[:, :size], covariance[:, :size, :size])
+        found[other][name] = LatentSpace([latents for _, latents in here], mean[:, size:], covariance[:, size:, size:])
     return found
 
 
-def errors_over_window(seen: ModelTrials) -> tuple[dict[str, FloatArray], FloatArray]:
-    """(trials, W) mean squared error by interaction, and (W,) the time of each frame after the newest one seen."""
-    from mild_core.learning.data.windows import cut
+BESIDE = "buetepage"
+"""What Fig. 4 of the paper shows beside MILD."""
+
+
+def errors_over_window(seen: Sequence[ModelTrials]) -> tuple[dict[str, dict[str, FloatArray]], FloatArray]:
+    """Ours, and Bütepage et al.'s where it can learn without the trials: (trials, W) mean squared error by interaction.
+
+    Args:
+        seen: One model's, of one or several folds.
+
+    Returns:
+        That by method, and (W,) the time of each frame after the newest one seen.
+    """
+    from mild_core.learning.evaluation.methods import METHODS
     from mild_core.learning.training.model_predictor import ModelPredictor
 
-    predictor, found = ModelPredictor(seen.model, seen.protocol), dict[str, list[FloatArray]]()
-    for trial in seen.trials:
-        squared = (predictor.predict(trial) - cut(trial, seen.protocol).controlled) ** 2
-        squared = squared.sum(axis=3) if trial.partner else squared
-        found.setdefault(trial.interaction, []).append(squared.mean(axis=(0, 2)))
-    frames = seen.protocol.lead_frames + np.arange(seen.protocol.window)
-    return {name: np.array(rows) for name, rows in found.items()}, frames / seen.model.manifest.rate_hz
+    errors: dict[str, dict[str, list[FloatArray]]] = {}
+    for one in seen:
+        methods: dict[str, Predictor] = {METHODS["mild"].title: ModelPredictor(one.model, one.protocol)}
+        if one.learned:
+            with Console(stderr=True).status(f"learning {METHODS[BESIDE].title} for {one.which}"):
+                methods[METHODS[BESIDE].title] = METHODS[BESIDE].fit(one.learned, one.protocol, one.seed)
+        for title, predictor in methods.items():
+            for trial in one.trials:
+                rows = errors.setdefault(title, {}).setdefault(trial.interaction, [])
+                rows.append(_over_window(predictor, trial, one.protocol))
+    first = seen[0]
+    frames = first.protocol.lead_frames + np.arange(first.protocol.window)
+    arrays = {title: {name: np.array(rows) for name, rows in found.items()} for title, found in errors.items()}
+    return arrays, frames / first.model.manifest.rate_hz
+
+
+def _over_window(predictor: Predictor, trial: Demonstration, protocol: Protocol) -> FloatArray:
+    """(W,) mean squared error of a trial's windows."""
+    from mild_core.learning.data.windows import cut
+
+    squared = (predictor.predict(trial) - cut(trial, protocol).controlled) ** 2
+    squared = squared.sum(axis=3) if trial.partner else squared
+    mean: FloatArray = squared.mean(axis=(0, 2))
+    return mean
 
 
 def motion_of(seen: ModelTrials) -> Motion:
@@ -111,7 +182,7 @@ def motion_of(seen: ModelTrials) -> Motion:
         motions += answers
     predicted = np.array([motion.positions[-1].ravel() for motion in motions])
     deviation = np.array([np.sqrt(np.diagonal(motion.covariance)) for motion in motions])
-    last = seen.protocol.window - 1 + seen.protocol.lead_frames + seen.protocol.window - 1
+    last, _ = _first_and_count(seen)
     recorded = thin(trial, seen.protocol).controlled.reshape(-1, predicted.shape[1])
     names = tuple(f"{joint} {axis}" for joint in manifest.controlled.joint_names for axis in "xyz")
     return Motion(
@@ -127,20 +198,53 @@ def motion_of(seen: ModelTrials) -> Motion:
 
 def moments_of(seen: ModelTrials, count: int) -> list[Moment]:
     """Moments spread over the one trial, both arms in the frame of the person's shoulder."""
+    begin, end = _busy_s(seen)
+    return _moments(seen, np.linspace(begin, end, count))
+
+
+def moments_of_each(seen: ModelTrials, count: int) -> dict[str, list[Moment]]:
+    """The same of the first trial of each interaction, all at equal times."""
+    places = {trial.interaction: place for place, trial in reversed(list(enumerate(seen.trials)))}
+    ones = {name: seen.only(places[name]) for name in seen.model.manifest.interactions if name in places}
+    spans = [_busy_s(one) for one in ones.values()]
+    times_s = np.linspace(min(begin for begin, _ in spans), max(end for _, end in spans), count)
+    return {name.replace("_", " "): _moments(one, times_s) for name, one in ones.items()}
+
+
+def _busy_s(seen: ModelTrials) -> tuple[float, float]:
+    """When the person's hand leaves its rest and is back, of the times that predictions are for [s]."""
     from mild_core.learning.data.windows import thin
 
-    (trial,), motion = seen.trials, motion_of(seen)
+    (trial,), rate_hz = seen.trials, seen.model.manifest.rate_hz
     person = thin(trial, seen.protocol).observed_m
-    first = round(float(motion.predicted_s[0]) * seen.model.manifest.rate_hz)
-    away = np.linalg.norm(person[first:, -1] - person[0, -1], axis=1)[: len(motion.predicted)]
+    first, count = _first_and_count(seen)
+    away = np.linalg.norm(person[first:, -1] - person[0, -1], axis=1)[:count]
     busy = np.flatnonzero(away > 0.15 * away.max())
-    chosen = np.linspace(busy[0], busy[-1], count).round().astype(int)
+    return float((first + busy[0]) / rate_hz), float((first + busy[-1]) / rate_hz)
+
+
+def _first_and_count(seen: ModelTrials) -> tuple[int, int]:
+    """The frame that the last of the first predicted window is for, and how many windows there are."""
+    from mild_core.learning.data.windows import cut
+
+    protocol = seen.protocol
+    return 2 * protocol.window - 2 + protocol.lead_frames, len(cut(seen.trials[0], protocol).controlled)
+
+
+def _moments(seen: ModelTrials, times_s: FloatArray) -> list[Moment]:
+    """The one trial at these times, or at its ends where it is shorter."""
+    from mild_core.learning.data.windows import thin
+
+    (trial,), motion, rate_hz = seen.trials, motion_of(seen), seen.model.manifest.rate_hz
+    first, count = _first_and_count(seen)
+    chosen = np.clip(np.round(times_s * rate_hz).astype(int) - first, 0, count - 1)
     shape = (-1, *trial.controlled.shape[1:])
     recorded, predicted = (values / seen.recording.unit.scale for values in (motion.true, motion.predicted))
     arms = [_other_arm(seen, values.reshape(shape)) for values in (recorded, predicted)]
-    times = motion.predicted_s
-    person_m = _lengthened(person, seen.model.manifest.robot_from_human.arm_lengths_m)
-    return [Moment(float(times[i]), person_m[first + i], arms[0][first + i], arms[1][i]) for i in chosen]
+    lengths_m = seen.model.manifest.robot_from_human.arm_lengths_m
+    person_m = _lengthened(thin(trial, seen.protocol).observed_m, lengths_m)
+    times = [(float(time_s), place) for time_s, place in zip(times_s, chosen, strict=True)]
+    return [Moment(time_s, person_m[first + i], arms[0][first + i], arms[1][i]) for time_s, i in times]
 
 
 def _lengthened(arm: FloatArray, lengths_m: tuple[float, float] | None) -> FloatArray:

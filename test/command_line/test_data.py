@@ -47,8 +47,13 @@ def ended(*words: str) -> int:
     return int(exit_.value.code or 0)
 
 
-def offer(monkeypatch: pytest.MonkeyPatch, url: str) -> None:
-    download = Download(url, hashlib.sha256(CONTENT).hexdigest(), len(CONTENT))
+BY_SHA256 = Download("", sha256=hashlib.sha256(CONTENT).hexdigest(), size_bytes=len(CONTENT))
+BY_GIT = Download("", git_blob="48859e8a1ea696337b3552e2007a746ec4f10184")
+"""What `git hash-object` prints of that content; its size is not known."""
+
+
+def offer(monkeypatch: pytest.MonkeyPatch, url: str, known: Download = BY_SHA256) -> None:
+    download = replace(known, url=url)
     offered = replace(NUISI, download=download, read=lambda _: Demonstrations((), ()))
     monkeypatch.setitem(datasets.DATASETS, "nuisi", offered)
 
@@ -65,25 +70,28 @@ def test_every_recording_is_listed_with_its_licence(
     assert "MILD_DATA" in shown
 
 
+@pytest.mark.parametrize("known", [BY_SHA256, BY_GIT])
 def test_a_fetched_recording_lies_where_training_looks_for_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, publisher: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, publisher: str, known: Download
 ) -> None:
     monkeypatch.setenv("MILD_DATA", str(tmp_path))
-    offer(monkeypatch, publisher + "/")
+    offer(monkeypatch, publisher + "/", known)
     assert ended("nuisi") == 0
     assert NUISI.default_path().read_bytes() == CONTENT
 
 
+@pytest.mark.parametrize("known", [BY_SHA256, BY_GIT])
 @pytest.mark.parametrize("path", ["/more", "/other", None])
 def test_what_is_not_whole_and_right_is_not_kept(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     publisher: str,
     path: str | None,
+    known: Download,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setenv("MILD_DATA", str(tmp_path))
-    offer(monkeypatch, "http://127.0.0.1:9/" if path is None else publisher + path)
+    offer(monkeypatch, "http://127.0.0.1:9/" if path is None else publisher + path, known)
     assert ended("nuisi") == 2
     said = capsys.readouterr().err
     assert len(said.strip().splitlines()) == 1

@@ -209,3 +209,13 @@ def test_models_are_listed_with_their_figures_and_their_cards_shown(model, capsy
     assert run("models", str(model), "--json") == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed[str(model)]["protocol"] == "ahead"
+
+
+def test_a_narrow_terminal_costs_no_figure(monkeypatch, capsys):
+    from mild_ros.command_line.error_tables import print_cells
+
+    monkeypatch.setenv("COLUMNS", "60")
+    figures = [f"0.{number:04d}" for number in range(1234, 1244)]
+    print_cells("a table", [["method", *(f"interaction_{i}" for i in range(10))], ["a method", *figures]], 1)
+    shown = capsys.readouterr().out
+    assert all(figure in shown for figure in figures)

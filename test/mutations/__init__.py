@@ -7,12 +7,12 @@ where the old text of one does not stand exactly once in its file.
 
 from __future__ import annotations
 
-from test.mutations import doubts, inference, learning, people, perception, retargeting, shell
+from test.mutations import doubts, inference, learning, people, perception, retargeting, shell, strangers
 from test.mutations.fault import Fault
 
 AREAS: dict[str, tuple[Fault, ...]] = {
     module.__name__.rpartition(".")[2]: module.FAULTS
-    for module in (perception, inference, learning, retargeting, people, doubts, shell)
+    for module in (perception, inference, learning, retargeting, people, doubts, shell, strangers)
 }
 """Faults by the file of this package that lists them."""
 

@@ -413,10 +413,10 @@ FAULTS = (
     Fault(
         "any content is kept",
         "A recording whose content is not the publisher's is kept.",
-        "mild_ros/command_line/data.py",
-        "if digest.hexdigest() != download.sha256:",
-        "if size != download.size_bytes:",
-        DATA,
+        "mild_core/learning/data/recording.py",
+        "return hashed.hexdigest() == wanted",
+        "return True",
+        ("test/command_line/test_data.py",),
     ),
     Fault(
         "half a file stays",

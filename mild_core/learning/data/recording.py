@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ from mild_core.learning.data.units import ANGLES, POSITIONS, Unit
 from mild_core.learning.data.windows import Protocol
 
 SPLITS = ("train", "test")
+CHUNK_BYTES = 1 << 16
 
 
 @dataclass(frozen=True)
@@ -41,13 +43,27 @@ class Download:
 
     Attributes:
         url: Of one revision, so that it stays what it is.
-        sha256: Of its content, hexadecimal.
-        size_bytes: Of its content.
+        sha256: Of its content, hexadecimal; "" where only `git_blob` is known.
+        size_bytes: Of its content; None where it is not known.
+        git_blob: Name of its content in its publisher's git repository, a SHA-1.
     """
 
     url: str
-    sha256: str
-    size_bytes: int
+    sha256: str = ""
+    size_bytes: int | None = None
+    git_blob: str = ""
+
+    def is_content_of(self, path: Path) -> bool:
+        """Whether a file holds what its publisher offers.
+
+        Source of `git_blob`: Pro Git, "Git Objects": the SHA-1 of "blob", the content's size, NUL and the content.
+        """
+        wanted = self.sha256 or self.git_blob
+        hashed = hashlib.sha256() if self.sha256 else hashlib.sha1(f"blob {path.stat().st_size}\0".encode())
+        with path.open("rb") as file:
+            while chunk := file.read(CHUNK_BYTES):
+                hashed.update(chunk)
+        return hashed.hexdigest() == wanted
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +13,10 @@ from numpy.typing import NDArray
 from mild_core.budgets import SETTINGS_BYTES, read_file, read_numbers
 from mild_core.errors import DatasetError
 from mild_core.learning.data.demonstration import Demonstration
-from mild_core.learning.data.recording import Demonstrations, Recording
+from mild_core.learning.data.recording import Demonstrations, Download, Recording
 from mild_core.learning.data.safe_npz import REMEDY, numbers
 from mild_core.learning.data.windows import protocols
-from mild_core.learning.datasets.traj_data import from_the_shoulder
+from mild_core.learning.datasets.traj_data import from_the_shoulder, one_hot, read_splits
 from mild_core.shapes import FloatArray
 
 JOINTS = (
@@ -35,6 +36,8 @@ TAKES = (1, 2)
 LEARNED = 0.8
 """Share of an interaction's trials, the first, that are for training."""
 
+ARM_COLUMNS = 9
+
 STILL_M = 1e-3
 """A frame moves when its joints go farther than this on average."""
 
@@ -42,6 +45,35 @@ LARGEST_HEADER, LARGEST_TABLE = 100_000, 256 << 20
 
 
 def read(path: Path) -> Demonstrations:
+    """Read `traj_data.npz`, or the publishers' folder `hh` that it was made from.
+
+    In the file a frame has 18 columns: shoulder, elbow and hand of the right arm, x y z [m], of the first person and
+    then of the second, each from the own shoulder in the trial's first frame (x forward, y left, z up). Its labels are
+    those of `buetepage_hr`.
+
+    Args:
+        path: The file or the folder (see `_read_folder`).
+
+    Returns:
+        The publisher's training trials (the first four fifths of each interaction) and test trials; a file may leave
+        one of them empty.
+
+    Raises:
+        DatasetError: It is neither, a file is missing, or a trial is malformed; names it.
+
+    Source: github.com/souljaboy764/phd_utils, data_preproc/buetepage and data_raw/buetepage_preproc.py.
+    """
+    return _read_folder(path) if path.is_dir() else read_splits(path, _published_trial)
+
+
+def _published_trial(thing: str, index: int, track: Any, labels: Any) -> Demonstration:
+    """One trial of the file, checked."""
+    track = numbers(thing, "motion", track, 2 * ARM_COLUMNS)
+    interaction, active = one_hot(thing, labels, len(track), BUETEPAGE_HH.interactions)
+    return _trial(index, interaction, [track[:, :ARM_COLUMNS], track[:, ARM_COLUMNS:]], active)
+
+
+def _read_folder(path: Path) -> Demonstrations:
     """Read the publishers' folder `hh`: `p1/hand_wave_s1_1.csv`, `p2/hand_wave_s2_1.csv` and so on, two takes each.
 
     The first line of a file names its columns. Positions [m] are those whose last but two letter is P, three for each
@@ -49,15 +81,6 @@ def read(path: Path) -> Demonstrations:
     `segmentation/hand_wave_1.npy` holds the first frame of each trial and the one after its last. The right arms are
     taken, each from its own shoulder in the trial's first frame. Frames after the last that moves are marked as not
     active, as the publishers do.
-
-    Args:
-        path: The folder.
-
-    Returns:
-        Of each interaction the first four fifths as training trials, the others as test trials.
-
-    Raises:
-        DatasetError: A file is missing or malformed; names it, and the trial.
 
     Source: github.com/jbutepage/human_robot_interaction_data, `read_hh_hr_data.py`; axes and splits as in
     github.com/souljaboy764/phd_utils, `data_raw/buetepage_preproc.py`.
@@ -74,17 +97,23 @@ def read(path: Path) -> Demonstrations:
                 if not 0 <= first < after <= min(map(len, arms)):
                     problem = f"is from frame {first} to {after}, of {' and '.join(str(len(arm)) for arm in arms)}"
                     raise DatasetError(thing, problem, REMEDY)
-                trials.append((interaction, [numbers(thing, "motion", arm[first:after], 9) for arm in arms]))
+                both = [numbers(thing, "motion", arm[first:after], ARM_COLUMNS) for arm in arms]
+                trials.append((interaction, both, _active(both[0])))
         learned = int(LEARNED * len(trials))
         train += [_trial(len(train) + i, *trial) for i, trial in enumerate(trials[:learned])]
         test += [_trial(len(test) + i, *trial) for i, trial in enumerate(trials[learned:])]
     return Demonstrations(tuple(train), tuple(test))
 
 
-def _trial(index: int, interaction: str, arms: list[FloatArray]) -> Demonstration:
+def _active(arm: FloatArray) -> FloatArray:
+    """(T,) 1 until the last frame in which the joints of an arm (T, 9) move, then 0."""
+    moving = np.linalg.norm(np.diff(arm.reshape(len(arm), -1, 3), axis=0), axis=2).mean(axis=1) > STILL_M
+    last = int(np.flatnonzero(moving)[-1]) if moving.any() else len(arm)
+    return (np.arange(len(arm)) < last).astype(float)
+
+
+def _trial(index: int, interaction: str, arms: list[FloatArray], active: FloatArray) -> Demonstration:
     observed, controlled = (from_the_shoulder(arm) for arm in arms)
-    moving = np.linalg.norm(np.diff(observed, axis=0), axis=2).mean(axis=1) > STILL_M
-    last = int(np.flatnonzero(moving)[-1]) if moving.any() else len(observed)
     return Demonstration(
         trial=index,
         interaction=interaction,
@@ -93,7 +122,7 @@ def _trial(index: int, interaction: str, arms: list[FloatArray]) -> Demonstratio
         observed_m=observed,
         controlled_names=BUETEPAGE_HH.controlled_names,
         controlled=controlled,
-        active=(np.arange(len(observed)) < last).astype(float),
+        active=active,
     )
 
 
@@ -133,7 +162,7 @@ def _segments(path: Path) -> NDArray[np.int64]:
 BUETEPAGE_HH = Recording(
     name="buetepage_hh",
     title="Bütepage et al.: two people",
-    file="buetepage_hh",
+    file="buetepage/traj_data.npz",
     rate_hz=40.0,
     interactions=tuple(FILES),
     touching=(),
@@ -141,9 +170,17 @@ BUETEPAGE_HH = Recording(
     observed_side="right",
     robot="",
     controlled_names=("shoulder", "elbow", "hand"),
-    licence="none is stated",
+    licence="the repository that publishes this form is GPL-3.0; the original recordings state no licence",
+    spdx="GPL-3.0-only AND NOASSERTION",
     source="J. Bütepage, A. Ghadirzadeh, Ö. Öztimur Karadağ, M. Björkman, D. Kragic: Imitating by Generating, "
-    "Frontiers in Robotics and AI 2020 (github.com/souljaboy764/human_robot_interaction_data, folder hh)",
+    "Frontiers in Robotics and AI 2020, as published in github.com/souljaboy764/phd_utils, data_preproc/buetepage "
+    "(made from the folder hh of github.com/souljaboy764/human_robot_interaction_data, which --data takes as well)",
     read=read,
     protocols=protocols(window=40, keep_every=5),
+    download=Download(
+        "https://raw.githubusercontent.com/souljaboy764/phd_utils/"
+        "b6a72a3319c3c01dff3c77b7bb930977b102caa0/"
+        "data_preproc/buetepage/traj_data.npz",
+        git_blob="2ca411aa0b13bbb88558114f9856c86a2e462abd",
+    ),
 )

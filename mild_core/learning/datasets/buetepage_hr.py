@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from mild_core.errors import DatasetError
 from mild_core.learning.data.demonstration import Demonstration
 from mild_core.learning.data.recording import Demonstrations, Download, Recording
-from mild_core.learning.data.safe_npz import REMEDY, numbers
+from mild_core.learning.data.safe_npz import numbers
 from mild_core.learning.data.windows import protocols
-from mild_core.learning.datasets.traj_data import read_splits
+from mild_core.learning.datasets.traj_data import one_hot, read_splits
 
 OBSERVED_COLUMNS, CONTROLLED_COLUMNS = 9, 7
 WRIST_COLUMN = 4
@@ -46,24 +45,19 @@ def read(path: Path) -> Demonstrations:
 def _trial(thing: str, index: int, track: Any, labels: Any) -> Demonstration:
     """One trial, checked."""
     track = numbers(thing, "motion", track, OBSERVED_COLUMNS + CONTROLLED_COLUMNS)
-    labels = numbers(thing, "labels", labels, len(BUETEPAGE_HR.interactions) + 1)
-    if len(labels) != len(track):
-        raise DatasetError(thing, f"has {len(track)} frames but {len(labels)} labels", REMEDY)
-    frames_of = labels[:, :-1].sum(axis=0)
-    if not ((labels == 0) | (labels == 1)).all() or (labels.sum(axis=1) > 1).any() or np.count_nonzero(frames_of) != 1:
-        raise DatasetError(thing, "its labels do not name one interaction, one-hot in each frame", REMEDY)
+    interaction, active = one_hot(thing, labels, len(track), BUETEPAGE_HR.interactions)
     controlled = track[:, OBSERVED_COLUMNS:].copy()
     if np.median(controlled[:, WRIST_COLUMN]) < -np.pi:
         controlled[:, WRIST_COLUMN] += 2 * np.pi
     return Demonstration(
         trial=index,
-        interaction=BUETEPAGE_HR.interactions[int(frames_of.argmax())],
+        interaction=interaction,
         rate_hz=BUETEPAGE_HR.rate_hz,
         observed_names=BUETEPAGE_HR.observed_names,
         observed_m=track[:, :OBSERVED_COLUMNS].reshape(len(track), -1, 3),
         controlled_names=BUETEPAGE_HR.controlled_names,
         controlled=controlled,
-        active=labels[:, :-1].sum(axis=1),
+        active=active,
     )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from mild_core.errors import DatasetError
 from mild_core.learning.data.demonstration import Demonstration
 from mild_core.learning.data.recording import SPLITS, Demonstrations
-from mild_core.learning.data.safe_npz import REMEDY, read_safe_npz
+from mild_core.learning.data.safe_npz import REMEDY, numbers, read_safe_npz
 from mild_core.shapes import FloatArray
 
 TrialOf = Callable[[str, int, Any, Any], Demonstration]
@@ -53,6 +53,21 @@ def numbered(thing: str, label: Any, interactions: tuple[str, ...]) -> str:
         problem = f"its label is {str(label)[:40]}, expected a number from 0 to {len(interactions) - 1}"
         raise DatasetError(thing, problem, REMEDY)
     return interactions[int(value)]
+
+
+def one_hot(thing: str, labels: Any, frames: int, interactions: tuple[str, ...]) -> tuple[str, FloatArray]:
+    """The interaction that a trial's (T, P + 1) one-hot labels name, and (T,) where it goes on: not the last label.
+
+    Raises:
+        DatasetError: They do not name one interaction.
+    """
+    found = numbers(thing, "labels", labels, len(interactions) + 1)
+    if len(found) != frames:
+        raise DatasetError(thing, f"has {frames} frames but {len(found)} labels", REMEDY)
+    frames_of = found[:, :-1].sum(axis=0)
+    if not ((found == 0) | (found == 1)).all() or (found.sum(axis=1) > 1).any() or np.count_nonzero(frames_of) != 1:
+        raise DatasetError(thing, "its labels do not name one interaction, one-hot in each frame", REMEDY)
+    return interactions[int(frames_of.argmax())], found[:, :-1].sum(axis=1)
 
 
 def from_the_shoulder(arm: FloatArray) -> FloatArray:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,9 @@ from mild_core.shapes import FloatArray
 
 BARS = ("mild_paper", "kernel_ridge", "gru")
 """What every method is compared with."""
+
+PAPERS_BAR = "buetepage"
+"""What the tables of the MILD paper test each interaction against."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +54,8 @@ class Row:
         relative: Against each of `BARS` that was run (labels given), by its name.
         seconds: To learn one fold, mean.
         run_time: What the run-time stage did with the trials; None for a method that it does not run.
+        p_against_buetepage: By interaction, of the same test as in `Relative`, on its trials alone, against Bütepage et
+            al. with labels given; empty where that was not run, and of itself.
     """
 
     method: str
@@ -63,6 +68,7 @@ class Row:
     relative: Mapping[str, Relative]
     seconds: float
     run_time: RunTime | None = None
+    p_against_buetepage: Mapping[str, float] = field(default_factory=dict)
 
 
 def compare(results: Sequence[Result], interactions: Sequence[str]) -> tuple[Row, ...]:
@@ -82,6 +88,7 @@ def compare(results: Sequence[Result], interactions: Sequence[str]) -> tuple[Row
     averaged = {key: _averaged(list(seeds.values())) for key, seeds in groups.items()}
     run_times = {method: summarise_run_time(list(seeds.values())) for method, seeds in held_out.items()}
     bars = {name: averaged[name, "given"] for name in BARS if (name, "given") in averaged}
+    papers_bar = averaged.get((PAPERS_BAR, "given"))
     rows = []
     for (method, labels), seeds in groups.items():
         macro = [summarise(errors, interactions).macro_mse or 0.0 for errors in seeds.values()]
@@ -98,6 +105,7 @@ def compare(results: Sequence[Result], interactions: Sequence[str]) -> tuple[Row
                 relative={name: _relative(mean, bar) for name, bar in bars.items() if name != method},
                 seconds=float(np.mean([result.seconds for result in results if result.job.method == method])),
                 run_time=run_times.get(method),
+                p_against_buetepage=_by_interaction(mean, papers_bar) if papers_bar and method != PAPERS_BAR else {},
             )
         )
     return tuple(sorted(rows, key=lambda row: row.macro_mean))
@@ -142,6 +150,12 @@ def _relative(errors: Sequence[TrialErrors], bar: Sequence[TrialErrors], seed: i
     change = float((_macro(errors, all_once) / _macro(bar, all_once))[0] - 1)
     low, high = np.quantile(_macro(errors, drawn) / _macro(bar, drawn) - 1, [0.025, 0.975])
     return Relative(change, (float(low), float(high)), _p_value(errors, bar))
+
+
+def _by_interaction(errors: Sequence[TrialErrors], bar: Sequence[TrialErrors]) -> dict[str, float]:
+    """`_p_value` of the trials of each interaction."""
+    names = dict.fromkeys(one.interaction for one in bar)
+    return {name: _p_value([one for one in errors if one.interaction == name], bar) for name in names}
 
 
 def _p_value(errors: Sequence[TrialErrors], bar: Sequence[TrialErrors]) -> float:

@@ -34,6 +34,7 @@ class Configuration:
         dataset: Name in `DATASETS`, or the path of a folder of trials.
         protocol: One of that recording's.
         seed: Of all draws.
+        preset: Name in `PRESETS` of the settings that the file does not name.
         start_from: Model (a name or folder) whose hidden layers of equal size the training starts from; "" for none.
         settings: All else.
         text: The file as it was read; model cards repeat it.
@@ -43,6 +44,7 @@ class Configuration:
     dataset: str
     protocol: str
     seed: int
+    preset: str
     start_from: str
     settings: TrainingSettings
     text: str
@@ -78,6 +80,11 @@ def read_configuration(name: str) -> Configuration:
     return _configuration(path, table, text)
 
 
+def configuration_from(name: str, table: Mapping[str, Any], text: str) -> Configuration:
+    """The configuration that a manifest repeats (see `Manifest.training`), under the model's name."""
+    return _configuration(Path(f"{name}.toml"), table, text)
+
+
 def _configuration(path: Path, table: Mapping[str, Any], text: str) -> Configuration:
     """A configuration from what the file says."""
     for key in table:
@@ -94,8 +101,8 @@ def _configuration(path: Path, table: Mapping[str, Any], text: str) -> Configura
     if given["dataset"] not in DATASETS and beside.is_dir():
         given["dataset"] = str(beside)
     protocol = protocol_named(given["protocol"], recording_named(given["dataset"]).protocols).name
-    preset = preset_named(given.pop("preset") or protocol)
-    settings = overridden(preset, table.get("settings", {}), f"{path}, settings")
+    given["preset"] = given["preset"] or protocol
+    settings = overridden(preset_named(given["preset"]), table.get("settings", {}), f"{path}, settings")
     return Configuration(path.stem, settings=settings, text=text, **given)
 
 
@@ -170,7 +177,7 @@ def configuration_for(dataset: str, protocol: str) -> Configuration | None:
     """
     for name in configuration_names():
         found = read_configuration(name)
-        if (found.dataset, found.protocol) == (dataset, protocol):
+        if (found.dataset, found.protocol) == (dataset, protocol) and found.preset != "paper":
             return found
     if dataset in DATASETS:
         return None

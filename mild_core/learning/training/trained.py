@@ -57,6 +57,16 @@ class TrainedMember:
             answer = self.answer.restore(self.networks.answer(known, controlled))
             return answer.reshape(*window.shape[:2], -1)
 
+    def controlled_latents(
+        self, demonstration: Demonstration, protocol: Protocol, interactions: tuple[str, ...]
+    ) -> FloatArray:
+        """(N, Q) means of the controlled agent's own posterior, of each of its windows in a trial."""
+        corpus = corpus_of([demonstration], protocol, interactions)
+        batch = cut_tracks(corpus, corpus.tracks, 0, 1)
+        with torch.no_grad():
+            posterior = self.networks.counterpart(self.answer.project(batch.answer[0]))
+        return posterior.mean.double().numpy()
+
 
 @dataclass(frozen=True, eq=False)
 class TrainedModel:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +13,8 @@ from matplotlib.axes import Axes
 from mild_core.shapes import FloatArray
 from mild_ros.viewing.style import BLUE, GREY, ORANGE, PAGE_IN, figure, rule
 
-VIEWS = {"side\nup [m]": (0, 2), "top\nleft [m]": (0, 1)}
+SIDE = (0, 2)
+VIEWS = {"side\nup [m]": SIDE, "top\nleft [m]": (0, 1)}
 """Which axes are seen: x is from the person towards the other."""
 
 
@@ -34,16 +35,24 @@ class Moment:
     predicted: FloatArray
 
 
-def draw_skeletons(moments: Sequence[Moment], path: Path, title: str) -> None:
-    """Write the figure: a column per moment, a row per view."""
-    points = np.concatenate([np.concatenate([m.person, m.recorded, m.predicted]) for m in moments])
+def draw_skeletons(trials: Mapping[str, Sequence[Moment]], path: Path, title: str) -> None:
+    """Write the figure: a column per moment; a row per view of one trial, or per trial, from the side.
+
+    Args:
+        trials: Moments of each trial, as many of all, by what the row is called.
+        path: Of the figure.
+        title: Above it.
+    """
+    views = VIEWS if len(trials) == 1 else dict.fromkeys(trials, SIDE)
+    rows = [next(iter(trials.values()))] * len(views) if len(trials) == 1 else list(trials.values())
+    points = np.concatenate([np.concatenate([m.person, m.recorded, m.predicted]) for row in rows for m in row])
     low, high = points.min(axis=0) - 0.06, points.max(axis=0) + 0.06
-    spans = [high[up] - low[up] for _, up in VIEWS.values()]
-    width = (PAGE_IN - 0.6) / len(moments)
-    height = sum(spans) / (high[0] - low[0]) * width + 1.4
+    spans = [high[up] - low[up] for _, up in views.values()]
+    width = (PAGE_IN - 0.6) / len(rows[0])
+    height = sum(spans) / (high[0] - low[0]) * width + 1.1 + 0.2 * len(rows)
     with figure(PAGE_IN, float(height), path, title) as made:
-        panels = made.subplots(len(VIEWS), len(moments), sharex=True, sharey="row", height_ratios=spans, squeeze=False)
-        for row, (view, axes_seen) in zip(panels, VIEWS.items(), strict=True):
+        panels = made.subplots(len(rows), len(rows[0]), sharex=True, sharey="row", height_ratios=spans, squeeze=False)
+        for row, moments, (view, axes_seen) in zip(panels, rows, views.items(), strict=True):
             for axes, moment in zip(row, moments, strict=True):
                 _arms(axes, moment, list(axes_seen))
                 axes.set_xlim(low[0], high[0])
@@ -52,7 +61,7 @@ def draw_skeletons(moments: Sequence[Moment], path: Path, title: str) -> None:
                 rule(axes)
             row[0].set_ylabel(view)
         made.supxlabel("from the person towards the other [m]", fontsize=8)
-        for axes, moment in zip(panels[0], moments, strict=True):
+        for axes, moment in zip(panels[0], rows[0], strict=True):
             axes.set_title(f"{moment.time_s:.1f} s")
         handles, labels = panels[0][0].get_legend_handles_labels()
         made.legend(handles, labels, loc="outside upper right", ncols=3)

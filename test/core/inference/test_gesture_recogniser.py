@@ -75,6 +75,16 @@ def test_the_rate_of_the_model_beside_it_changes_little(shipped: GestureRecognis
     assert GESTURES[int(state.evidence.argmax())] == "wave"
 
 
+def test_a_tracker_at_half_the_rate_is_interpolated(shipped: GestureRecogniser) -> None:
+    """Every second frame of a motion that is straight between them says as much as all frames."""
+    seen = waving(121)[::2]
+    between = (seen[:-1] + seen[1:]) / 2
+    all_frames = np.concatenate([np.stack([seen[:-1], between], axis=1).reshape(-1, *seen.shape[1:]), seen[-1:]])
+    half, whole = played(shipped, seen, 2 * PERIOD_NS)[-1], played(shipped, all_frames)[-1]
+    np.testing.assert_allclose(half.units, whole.units, atol=1e-9)
+    np.testing.assert_allclose(half.evidence, whole.evidence, atol=1e-9)
+
+
 def test_people_who_walk_start_nothing(shipped: GestureRecogniser) -> None:
     """Of six kinds of background the first swings its arms; others come near to gestures."""
     arms = background_arms(240, seed=7)[::6]

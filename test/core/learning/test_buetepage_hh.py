@@ -87,3 +87,36 @@ def test_files_of_another_kind_are_refused_in_one_line(folder, tmp_path, name, c
 def test_a_folder_without_the_files_says_which_one_is_meant(tmp_path):
     with pytest.raises(DatasetError, match="give the publishers' folder 'hh'"):
         BUETEPAGE_HH.read(tmp_path)
+
+
+def test_the_published_file_gives_the_trials_that_its_folder_gives(folder, tmp_path):
+    made = BUETEPAGE_HH.read(folder)
+    arrays = {}
+    for split in ("train", "test"):
+        trials = made.split(split)
+        tracks, labels = np.empty(len(trials), object), np.empty(len(trials), object)
+        for i, trial in enumerate(trials):
+            tracks[i] = np.column_stack([arm.reshape(trial.frames, -1) for arm in (trial.observed_m, trial.controlled)])
+            labels[i] = np.eye(5)[np.where(trial.active > 0, list(FILES).index(trial.interaction), 4)]
+        arrays |= {f"{split}_data": tracks, f"{split}_labels": labels}
+    np.savez(tmp_path / "traj_data.npz", **arrays)
+    read = BUETEPAGE_HH.read(tmp_path / "traj_data.npz")
+    for split in ("train", "test"):
+        for one, other in zip(read.split(split), made.split(split), strict=True):
+            assert (one.trial, one.interaction, one.partner) == (other.trial, other.interaction, True)
+            for name in ("observed_m", "controlled", "active"):
+                np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+
+
+@pytest.mark.parametrize(
+    ("columns", "label", "said"),
+    [(17, 0, "trial 0 of split 'train' .*shape"), (18, 4, "trial 0 of split 'train' .*do not name one interaction")],
+)
+def test_a_published_file_of_another_layout_is_refused_in_one_line(tmp_path, columns, label, said):
+    tracks, labels = np.empty(1, object), np.empty(1, object)
+    tracks[0], labels[0] = np.zeros((30, columns)), np.eye(5)[[label] * 30]
+    none = np.empty(0, object)
+    file = tmp_path / "traj_data.npz"
+    np.savez(file, train_data=tracks, train_labels=labels, test_data=none, test_labels=none)
+    with pytest.raises(DatasetError, match=said):
+        BUETEPAGE_HH.read(file)

@@ -84,3 +84,15 @@ def test_the_table_averages_over_seeds_and_compares_trial_by_trial():
     tied = compare([result("kernel_ridge", 0, bar), result("gru", 0, bar)], ("a", "b"))
     assert [relative.p_value for row in tied for relative in row.relative.values()] == [1.0, 1.0]
     assert gru.errors.windows == kernel_ridge.errors.windows == 40
+
+
+def test_each_interaction_is_tested_against_buetepage_by_its_own_trials():
+    """Source of the p value: all of n differences of one sign occur in 2 of 2^n ways."""
+    bar = [(trial, "a" if trial < 8 else "b", 1.0 + 0.01 * trial) for trial in range(16)]
+    better_at_a = [(trial, name, value - (0.1 if name == "a" else 0.001 * (-1) ** trial)) for trial, name, value in bar]
+    rows = {
+        row.method: row for row in compare([result("buetepage", 0, bar), result("gru", 0, better_at_a)], ("a", "b"))
+    }
+    assert rows["buetepage"].p_against_buetepage == {}
+    assert rows["gru"].p_against_buetepage["a"] == pytest.approx(2 / 2**8)
+    assert rows["gru"].p_against_buetepage["b"] > 0.5
