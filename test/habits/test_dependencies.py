@@ -17,6 +17,7 @@ DISTRIBUTIONS = {
     "PIL": "pillow",
     "ament_index_python": "ros-ament-index-python",
     "pinocchio": "pin",
+    "mpl_toolkits": "matplotlib",
     "yaml": "pyyaml",
     "launch": "ros-launch",
     "launch_ros": "ros-launch-ros",
