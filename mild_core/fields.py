@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from mild_core.errors import ModelError, SetupError
+from mild_core.errors import ModelError, SetupError, near
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Fields:
         names = sorted(known)
         for key in self.values:
             if key not in names:
-                raise self.wrong(str(key)[:40], "is unknown", f"known here: {', '.join(names)}")
+                raise self.wrong(str(key)[:40], "is unknown", near(str(key), names) if names else "leave it out")
 
     def take(self, key: str) -> Any:
         """The value of a required key."""

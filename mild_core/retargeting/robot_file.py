@@ -25,7 +25,7 @@ Position and velocity limits are the description's, soft ones where it has them;
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -63,6 +63,8 @@ def find_robot(given: str) -> RobotModel:
     path = Path(given).expanduser()
     if path.suffix == ".toml" or len(path.parts) > 1:
         return read_robot(path)
+    if path.is_dir() and given not in ROBOTS:
+        raise _folder(path)
     if given not in ROBOTS:
         raise unknown_name("robot", given, (*ROBOTS, "the path of a robot file (.toml)"))
     return ROBOTS[given]
@@ -74,6 +76,8 @@ def read_robot(path: Path) -> RobotModel:
     Raises:
         SetupError: Names the file, the key and what is wrong.
     """
+    if path.is_dir():
+        raise _folder(path)
     content = read_file(path, SIZE_LIMIT, "give the path of a robot file")
     try:
         values = parse_toml(content)
@@ -84,6 +88,13 @@ def read_robot(path: Path) -> RobotModel:
     if robot.arm_links is not None:
         LinkFollower(robot)
     return robot
+
+
+def _folder(path: Path) -> SetupError:
+    """The error for a folder in the place of a robot file; names those that are in it."""
+    inside = sorted(path.glob("*.toml"))
+    shown = " or ".join(map(str, inside[:3])) or "the path of a robot file; there is none in it"
+    return SetupError(f"robot {path}", "is a folder, not a robot file", f"give {shown}")
 
 
 def _robot(path: Path, fields: Fields) -> RobotModel:
@@ -103,15 +114,12 @@ def _robot(path: Path, fields: Fields) -> RobotModel:
     for key in ("base_link", "tool_link", *(LINKS if links else ())):
         if (link := fields.text(key)) not in tree.links:
             raise fields.wrong(key, f"is '{link}', which {urdf_path.name} has not", near(link, tree.links))
-    limits = _limits(fields, names, joints, urdf_path.name)
+    written, notes = _written(fields, names, joints, urdf_path.name)
+    limits = _limits(fields, names, joints, urdf_path.name, written)
     rest = fields.object("rest") if "rest" in fields.values else fields.below("rest", {})
     rest.only(set(joints) - set(names))
     on_table = fields.flag("on_table") if "on_table" in fields.values else False
-    notes = tree.notes()
-    if soft := [
-        name for name in names if joints[name].softened and not {"lower_rad", "upper_rad"} <= set(fields.values)
-    ]:
-        notes += (f"{urdf_path}: the soft limits of its safety controller hold for {', '.join(soft)}",)
+    notes += tree.notes(() if {"lower_rad", "upper_rad"} <= set(fields.values) else names)
     if endless := [name for name in names if _endless(fields, joints[name])]:
         what = "turn without end, and are kept within half a turn of zero; lower_rad and upper_rad say otherwise:"
         notes += (f"{urdf_path}: joints that {what} {', '.join(endless)}",)
@@ -136,13 +144,25 @@ def _robot(path: Path, fields: Fields) -> RobotModel:
             notes=notes,
         )
     except ValueError as error:
-        which = f"; the soft limits of {urdf_path.name} hold" if soft and "outside" in str(error) else ""
-        raise SetupError(str(path), f"{error}{which}", fields.remedy) from None
+        raise SetupError(str(path), f"{error}{_whose(fields, names, joints, written)}", fields.remedy) from None
 
 
-def _limits(fields: Fields, names: tuple[str, ...], joints: Mapping[str, Joint], source: str) -> dict[str, FloatArray]:
+def _whose(fields: Fields, names: tuple[str, ...], joints: Mapping[str, Joint], written: list[JointLimits]) -> str:
+    """Whose position limits hold for joints whose home lies outside them, where it is not this file's own."""
+    stated = {"lower_rad", "upper_rad"} <= set(fields.values)
+    for name, at, one in zip(names, _per_joint(fields, "home_rad", len(names)).tolist(), written, strict=True):
+        lower, upper, _ = joints[name].limits
+        if not one.lower <= at <= one.upper:
+            return f"; those of {one.source} hold"
+        if joints[name].soft == "kept" and not stated and not lower <= at <= upper:
+            return f"; the soft limits of {fields.text('description')} hold"
+    return ""
+
+
+def _limits(
+    fields: Fields, names: tuple[str, ...], joints: Mapping[str, Joint], source: str, written: list[JointLimits]
+) -> dict[str, FloatArray]:
     """All limits: the file's, or else the description's, or what is narrower in files of limits."""
-    written = _written(fields, names)
     limits: dict[str, FloatArray] = {}
     for place, key in enumerate((*URDF_LIMITS, *OWN_LIMITS)):
         also = np.array([each[place] for each in written])
@@ -164,11 +184,17 @@ def _limits(fields: Fields, names: tuple[str, ...], joints: Mapping[str, Joint],
     return limits
 
 
-def _written(fields: Fields, names: tuple[str, ...]) -> list[JointLimits]:
-    """What files of limits say of each joint: the narrowest."""
+def _written(
+    fields: Fields, names: tuple[str, ...], joints: Collection[str], source: str
+) -> tuple[list[JointLimits], tuple[str, ...]]:
+    """What files of limits say of each joint, the narrowest; and a line for each file with joints that there are not.
+
+    Such a file is one for all of a robot: joints of the description that are not commanded belong there.
+    """
     found = [JointLimits()] * len(names)
+    notes: tuple[str, ...] = ()
     if "joint_limits" not in fields.values:
-        return found
+        return found, notes
     several = isinstance(fields.take("joint_limits"), list)
     folder = Path(fields.source).parent
     for each in fields.names("joint_limits", MOST_JOINTS) if several else (fields.text("joint_limits"),):
@@ -177,11 +203,14 @@ def _written(fields: Fields, names: tuple[str, ...]) -> list[JointLimits]:
         if not set(read) & set(names):
             problem = f"names {path.name}, which has none of the joints"
             raise fields.wrong("joint_limits", problem, f"it has {', '.join(list(read)[:10])}")
+        if strange := [name for name in read if name not in joints]:
+            unset = [name for name in joints if name not in read]
+            named = ", ".join(f"'{name}' ({near(name, unset)})" for name in strange[:3])
+            more = f" and {len(strange) - 3} more" if len(strange) > 3 else ""
+            notes += (f"{path}: limits for joints that {source} has not, which bind nothing: {named}{more}",)
         for place, name in enumerate(names):
-            one, other = found[place], read.get(name, JointLimits())
-            narrowest = map(min, one[1:], other[1:])
-            found[place] = JointLimits(max(one.lower, other.lower), *narrowest)
-    return found
+            found[place] = found[place].narrowed(read.get(name, JointLimits()), path.name)
+    return found, notes
 
 
 def _described(fields: Fields, joint: Joint, place: int) -> float:

@@ -19,6 +19,7 @@ from mild_core.retargeting.robot_model.robot import RobotModel
 from mild_core.retargeting.robots import ROBOTS
 from mild_core.signals import ARM_JOINTS
 from mild_ros.assembly.description import prepared, temporary
+from mild_ros.node_kit.dds_variables import heard_remedy
 
 TOPIC = "topic:"
 """Before the name of a topic in place of a path."""
@@ -64,7 +65,10 @@ def make_robot(given: str, description: str = "") -> RobotModel:
             raise SetupError(source, problem, remedy)
     notes = robot.notes
     if path != robot.urdf_path:
-        robot, notes = _narrowed(replace(robot, described_by=source), tree), replace(tree, source=source).notes()
+        robot, notes = (
+            _narrowed(replace(robot, described_by=source), tree),
+            replace(tree, source=source).notes(robot.joint_names),
+        )
     robot = robot if found.path == robot.urdf_path else replace(robot, urdf_path=found.path, described_by=source)
     chain_of(robot)  # says in one line what does not fit
     for note in (*notes, found.note):
@@ -131,5 +135,6 @@ def _from_topic(topic: str) -> str:
         context.try_shutdown()
     if not came:
         problem = f"nothing came on topic '{topic}' within {PATIENCE_S:g} s"
-        raise SetupError("parameter robot_description", problem, "start robot_state_publisher, or give a path")
+        remedy = heard_remedy("start robot_state_publisher, or give a path")
+        raise SetupError("parameter robot_description", problem, remedy)
     return str(message.data)

@@ -97,9 +97,11 @@ def source_fault(
         if feed.lacks is not None and (lacking := feed.lacks()):
             fault, _, remedy = lacking.rpartition(": ")
             return fault, remedy
-    if seen and unread.total() == seen:
+    if unread and (looked_at is None or unread.total() == seen):
         reason, count = unread.most_common(1)[0]
-        return f"{count} of {seen} messages are {reason}", "record it again, in mcap, which keeps definitions of types"
+        defined = reason.startswith("undecodable")
+        remedy = "in mcap, which keeps definitions of types" if defined else "once what publishes them is mended"
+        return f"{count} of {seen} messages are {reason}", f"record it again, {remedy}"
     return "", ""
 
 

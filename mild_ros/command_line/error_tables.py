@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import collections
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -18,9 +17,6 @@ if TYPE_CHECKING:
     from mild_core.learning.data.units import Unit
     from mild_core.learning.evaluation.comparison import Relative, Row
     from mild_core.learning.evaluation.errors import Errors
-
-WIDEST = 500
-"""Columns of text that a table may take."""
 
 
 def errors_as_data(errors: Errors, unit: Unit) -> dict[str, Any]:
@@ -169,15 +165,7 @@ def print_cells(title: str, lines: Sequence[Sequence[str]], named: int) -> None:
         table.add_column(column, justify="left" if place < named else "right", no_wrap=place == named)
     for line in lines[1:]:
         table.add_row(*line)
-    console, words = Console(), [word for line in lines for cell in line for word in cell.split()]
-    # Wider than the terminal rather than without figures: rich cuts what does not fit.
-    for width in range(console.width, WIDEST):
-        console.width = width
-        with console.capture() as drawn:
-            console.print(table)
-        if collections.Counter(words) <= collections.Counter(drawn.get().split()):
-            break
-    console.print(table)
+    Console().print(table)
 
 
 def markdown(rows: Sequence[Row], unit: Unit) -> str:

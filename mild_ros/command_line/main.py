@@ -5,8 +5,10 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import sys
 from collections.abc import Callable, Sequence
+from difflib import get_close_matches
 from functools import wraps
 from importlib import import_module
 from pathlib import Path
@@ -64,6 +66,9 @@ LOCAL = ("demo", "replay", "faults")
 """They start all nodes that they talk to, on this machine; with `--local` any command keeps to it."""
 
 EXIT_SET_UP, EXIT_INTERRUPTED = 2, 130
+
+USAGE_ERROR: type[Exception] = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "UsageError")
+"""Of click, which typer brings or wants, by its version."""
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
 """What a disk without room says."""
@@ -167,10 +172,45 @@ def main(arguments: Sequence[str] | None = None) -> None:
         keep_to_this_machine()
     try:
         app = assemble(wanted)
+        code = app(args=given, prog_name="mild", standalone_mode=False)
     except ImportError as error:
         _say(str(unusable(error)))
         raise SystemExit(EXIT_SET_UP) from None
-    app(args=given, prog_name="mild")
+    except USAGE_ERROR as error:
+        if line := _of_usage(error, given):
+            _say(line)
+        raise SystemExit(EXIT_SET_UP) from None
+    except typer.Abort:
+        _say("interrupted")
+        raise SystemExit(EXIT_INTERRUPTED) from None
+    raise SystemExit(code if isinstance(code, int) else 0)
+
+
+def _of_usage(error: Any, given: Sequence[str]) -> str:
+    """What is wrong with a command line and what works, in one line; "" where help was shown in its place."""
+    said = error.format_message().partition(" (Possible")[0].partition(" Did you mean")[0].rstrip(".")
+    if not said or "\n" in said:
+        return ""
+    command = error.ctx.command if error.ctx else None
+    path = " ".join(error.ctx.command_path.split()[1:]) if error.ctx else next(iter(given), "")
+    options = [name for one in getattr(command, "params", ()) for name in one.opts]
+    # The words that it complains of are in what it says, and in no other way.
+    blamed = [word for word in given if re.search(rf"(?<![\w-]){re.escape(word)}(?![\w-])", said)]
+    word = max(blamed, key=len, default="")
+    name, sign, value = word.partition(":=")
+    known = options if word.startswith("-") else list(getattr(command, "commands", ()))
+    close = get_close_matches(word.partition("=")[0], known, n=1)
+    if sign and "-p" in options:
+        remedy = f"write -p {word}"
+    elif sign and f"--{name}" in options:
+        remedy = f"write --{name} {value}"
+    elif close and close != [word]:
+        remedy = f"did you mean '{close[0]}'?"
+    elif known and word and not word.startswith("-"):
+        remedy = f"there are {', '.join(known)}"
+    else:
+        remedy = f"see mild {path} --help".replace("  ", " ")
+    return f"{path or 'command line'}: {said[:1].lower()}{said[1:]}; {remedy}"
 
 
 if __name__ == "__main__":

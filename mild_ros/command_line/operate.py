@@ -38,14 +38,13 @@ def status(
     Reads `/diagnostics` in the ROS domain of this terminal. Ends with exit code 1 where a node reports an error, and
     with 2 where no node reports at all.
     """
-    from mild_ros.command_line.operator_client import operator_client
-    from mild_ros.node_kit.running import domain_id
+    from mild_ros.command_line.operator_client import START_ONE, operator_client
+    from mild_ros.node_kit.dds_variables import domain_id, heard_remedy
 
     with operator_client() as client:
         found = client.statuses()
         if not found:
-            remedy = "start one: ./mild run pipeline; same ROS_DOMAIN_ID? see ./mild doctor"
-            raise SetupError("status", f"no node reports in ROS domain {domain_id()}", remedy)
+            raise SetupError("status", f"no node reports in ROS domain {domain_id()}", heard_remedy(START_ONE))
         if as_json:
             print(json.dumps([asdict(one) for one in found], indent=1))
         elif watch:

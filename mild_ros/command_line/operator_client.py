@@ -22,14 +22,16 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 from mild_core.errors import SetupError
+from mild_ros.node_kit.dds_variables import domain_id, heard_remedy
 from mild_ros.node_kit.ros_errors import refused_in_one_line
-from mild_ros.node_kit.running import domain_id
 
 DISCOVERY_S = 8.0
 """Longest wait for nodes to be discovered: a second where nothing else runs, several on a busy machine."""
 
 SETTLE_S = 0.3
 """After the first node of a kind was discovered, others of it get this long."""
+
+START_ONE = "start one: ./mild run pipeline; same ROS_DOMAIN_ID and discovery range? see ./mild doctor"
 
 ANSWER_S = 5.0
 """Longest wait for the answer of a service."""
@@ -94,7 +96,7 @@ class OperatorClient:
         if not services:
             where = f" under {namespace}" if namespace else ""
             problem = f"no node with ~/{name}{where} in ROS domain {domain_id()} within {DISCOVERY_S:g} s"
-            raise SetupError(name, problem, "start one: ./mild run pipeline; same ROS_DOMAIN_ID? see ./mild doctor")
+            raise SetupError(name, problem, heard_remedy(START_ONE))
         request = kind.Request() if data is None else kind.Request(data=data)
         futures = {service: self._node.create_client(kind, service).call_async(request) for service in services}
         self._until(lambda: all(future.done() for future in futures.values()), ANSWER_S)
@@ -115,7 +117,8 @@ class OperatorClient:
         self._until(lambda: publisher.get_subscription_count() > 0, DISCOVERY_S)
         if not publisher.get_subscription_count():
             problem = f"no node listens in ROS domain {domain_id()} within {DISCOVERY_S:g} s"
-            raise SetupError(topic, problem, "start ./mild record first; same ROS_DOMAIN_ID? see ./mild doctor")
+            remedy = "start ./mild record first; same ROS_DOMAIN_ID and discovery range? see ./mild doctor"
+            raise SetupError(topic, problem, heard_remedy(remedy))
         self._until(lambda: False, SETTLE_S)
         publisher.publish(String(data=text))
         publisher.wait_for_all_acked(Duration(seconds=ANSWER_S))

@@ -78,6 +78,7 @@ def replay(
     from mild_ros.assembly.settings import PipelineParameters
     from mild_ros.bag.camera import keep_camera, with_camera
     from mild_ros.command_line.lost import check_source, report_lost
+    from mild_ros.command_line.result_folders import folder_of
     from mild_ros.node_kit.parameter_files import read_parameters
     from mild_ros.viewing.stillness import counts_of, has_moved, why_still
 
@@ -97,7 +98,6 @@ def replay(
     from mild_ros.command_line.results import leave, print_summary, run_with_progress
     from mild_ros.replay.demo import RunOptions
 
-    folder = out or Path("out/replay") / (bag.resolve().stem if bag else f"{dataset}_{trial}")
     with tempfile.TemporaryDirectory(prefix="mild_trial_") as scratch:
         title = bag.resolve().name if bag else _write_trial(dataset, data, trial, Path(scratch, "trial"), parameters)
         bag = bag or Path(scratch, "trial")
@@ -106,6 +106,7 @@ def replay(
         check_source(bag, salvage, skeleton_source(parameters), topic)
         counts: Mapping[str, Mapping[str, int]] = {}
         detail = ""
+        folder = out or folder_of(Path("out/replay"), Path(f"{dataset}_{trial}") if dataset else bag)
         if nodes:
             recorded = run_with_progress(bag, folder, asked, console, paused=paused)
         else:
@@ -153,7 +154,7 @@ def _write_trial(dataset: str, data: Path | None, trial: int, folder: Path, para
 def _in_process(
     bag: Path, folder: Path, asked: RunOptions, console: Console
 ) -> tuple[Path, Mapping[str, Mapping[str, int]], str]:
-    """Replay without DDS; returns the bag that it writes, what was counted, and perception's newest complaint."""
+    """Replay without DDS; returns the bag that it writes, what was counted, and what was complained of."""
     from mild_core.retargeting.robot_file import find_robot
     from mild_ros.assembly.inference import load
     from mild_ros.assembly.perception import skeleton_source
@@ -172,10 +173,11 @@ def _in_process(
     folder.mkdir(parents=True, exist_ok=True)
     recorded = folder / RECORDED
     shutil.rmtree(recorded, ignore_errors=True)
-    complaints = [""]
+    complaints, unread = [""], [""]
 
     def look(step: Step) -> None:
         complaints[0] = step.state.perception.detail or complaints[0]
+        unread[0] = unread[0] or (step.unreadable and f"{step.unreadable}: {step.detail}")
 
     with console.status("replaying in process"):
         pipeline = make_pipeline(parameters, load(parameters.model))
@@ -192,4 +194,4 @@ def _in_process(
         listed = ", ".join(f"{count} {reason}" for reason, count in counts.items()) or "none unreadable"
         console.print(f"{stage}: {listed}", highlight=False, soft_wrap=True)
     console.print(f"{summary.commands} commands, SHA-256 {summary.digest}", highlight=False, soft_wrap=True)
-    return recorded, summary.counts, complaints[0]
+    return recorded, summary.counts, "; ".join(filter(None, (*complaints, *unread)))

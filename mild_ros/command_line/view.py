@@ -36,6 +36,7 @@ def view(
     from mild_ros.assembly.settings import PipelineParameters
     from mild_ros.bag.camera import with_camera
     from mild_ros.command_line.lost import check_source, report_lost
+    from mild_ros.command_line.result_folders import folder_of
     from mild_ros.node_kit.parameter_files import read_parameters
 
     parameters = read_parameters(PipelineParameters, "pipeline", config, given or (), model=model, source=source)
@@ -44,7 +45,7 @@ def view(
     console = Console()
     report_lost(bag, salvage, console)
     check_source(bag, salvage, skeleton_source(parameters))
-    folder = out or Path("out/view") / bag.resolve().stem
+    folder = out or folder_of(Path("out/view"), bag)
     folder.mkdir(parents=True, exist_ok=True)
     # Only now, as it takes its time to load: what draws.
     from mild_ros.command_line.results import PAGE, leave, print_summary

@@ -29,8 +29,8 @@ from rclpy.task import Future
 from std_msgs.msg import String
 
 from mild_core.errors import SetupError
-from mild_ros.environment.dds_variables import PAIRED, UNNAMED
 from mild_ros.messages.message_types import message_class
+from mild_ros.node_kit.dds_variables import PAIRED, UNNAMED
 from mild_ros.node_kit.quality_of_service import SENSOR
 from mild_ros.node_kit.ros_errors import refused_in_one_line
 

@@ -26,8 +26,17 @@ from typing import Any
 from mild_core.errors import MildError
 from mild_core.resources import load_model, model_names, share_folder
 from mild_ros.assembly.settings import PipelineParameters
-from mild_ros.environment.dds_variables import HARMLESS, PAIRED, PROFILES_HERE, UNNAMED, given
 from mild_ros.environment.processes import DOMAINS, PYTHON, shared_memory_owners
+from mild_ros.node_kit.dds_variables import (
+    DOMAINS_TEXT,
+    HARMLESS,
+    LAST_DOMAIN,
+    PAIRED,
+    UNNAMED,
+    given,
+    problems,
+    profiles_here,
+)
 from mild_ros.node_kit.libraries import NEEDED, REMEDY
 from mild_ros.simulation.quiet import quiet_terminal
 
@@ -50,8 +59,8 @@ SENDERS_PATIENCE_S = 6.0
 HANGING_S = 20.0
 """A process that looks for others ends this much later than it was asked to, at the latest."""
 
-_GET_FLAGS, _IS_UP, _HAS_MULTICAST = 0x8913, 0x1, 0x1000
-"""SIOCGIFFLAGS, IFF_UP and IFF_MULTICAST of netdevice(7)."""
+_GET_FLAGS, _IS_UP = 0x8913, 0x1
+"""SIOCGIFFLAGS and IFF_UP of netdevice(7)."""
 
 REPORT_PATIENCE_S = 3.0
 """Nodes report once a second; discovery takes its time."""
@@ -116,9 +125,11 @@ def domain() -> Finding:
     """Who may hear us."""
     given = os.environ.get("ROS_DOMAIN_ID") or "0"
     reach = os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE") or "SUBNET"
-    well = given.isdecimal() and (int(given) == 0 or int(given) in DOMAINS)
+    well = given.isdecimal() and int(given) <= LAST_DOMAIN
     seen = f"{given}, discovery range {reach}"
-    return Finding("ROS_DOMAIN_ID", well, seen, f"choose one from 0 to {DOMAINS[-1]}, the same on every machine")
+    if well and int(given) > DOMAINS[-1]:
+        seen += f"; above {DOMAINS[-1]} other programs may take its ports"
+    return Finding("ROS_DOMAIN_ID", well, seen, f"set it to {DOMAINS_TEXT}, the same on every machine")
 
 
 def shared_memory() -> Finding:
@@ -150,17 +161,11 @@ def log_folder() -> Finding:
 
 def environment() -> Finding:
     """DDS settings in the environment, variable by variable."""
-    found_settings, wrong = [], []
-    for name, value, variable in given():
-        problem = variable.problem(value)
-        found_settings.append(f"{name}={value} ({problem or variable.does})")
-        wrong += [f"{name}: {problem}"] * bool(problem)
-    if not os.environ.get("SKIP_DEFAULT_XML_FILE"):
-        found_settings += [
-            f"{name} in this folder (settings of Fast DDS)" for name in PROFILES_HERE if Path(name).is_file()
-        ]
+    wrong = problems()
+    found_settings = [f"{name}={value} ({wrong.get(name) or variable.does})" for name, value, variable in given()]
+    found_settings += [f"{name} in this folder (settings of Fast DDS)" for name in profiles_here()]
     seen = "; ".join(found_settings) or "nothing is set that changes DDS"
-    return Finding("DDS settings", not wrong, seen, "; ".join(wrong))
+    return Finding("DDS settings", not wrong, seen, "; ".join(f"{name}: {problem}" for name, problem in wrong.items()))
 
 
 def discovery() -> Finding:
@@ -170,9 +175,9 @@ def discovery() -> Finding:
         return Finding("Discovery", True, "two processes hear each other")
     if first := _first():
         return Finding("Discovery", False, said, first)
-    flags = _loopback_flags()
-    remedy = _to_be_heard(flags)
-    if flags & _IS_UP and (culprits := _culprits()):
+    is_up = _loopback_is_up()
+    remedy = _to_be_heard(is_up=is_up)
+    if is_up and (culprits := _culprits()):
         named = " and ".join(f"{name}={os.environ[name]}" for name in culprits)
         remedy = (
             f"unset {' '.join(culprits)}: with {named} nothing is received, without it two processes hear each other"
@@ -186,25 +191,28 @@ def _first() -> str:
     return f"first mend {unwell[0].subject}: {unwell[0].remedy}" if unwell else ""
 
 
-def _to_be_heard(flags: int) -> str:
-    """What lets two processes hear each other where no variable keeps them apart, with these flags of loopback."""
-    if not flags & _IS_UP:
+def _to_be_heard(*, is_up: bool) -> str:
+    """What lets two processes hear each other where no variable keeps them apart.
+
+    Loopback has no multicast on most machines, and Fast DDS does without.
+    """
+    if not is_up:
         return "bring loopback up: ip link set lo up"
-    remedies = [] if flags & _HAS_MULTICAST else ["allow multicast on lo: ip link set lo multicast on"]
+    remedies = []
     if os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "").upper() != "LOCALHOST":
         remedies.append("set ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST")
     remedies.append("let a firewall pass UDP from port 7400 up on lo, and to 239.255.0.1")
     return ", or ".join(remedies)
 
 
-def _loopback_flags() -> int:
-    """Flags of the interface `lo`; 0 where there is none. Source: netdevice(7)."""
+def _loopback_is_up() -> bool:
+    """Whether there is an interface `lo` and it is up. Source: netdevice(7)."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
         try:
             answer = fcntl.ioctl(any_socket, _GET_FLAGS, struct.pack("16sh", b"lo", 0))
         except OSError:
-            return 0
-    return int(struct.unpack_from("h", answer, 16)[0])
+            return False
+    return bool(struct.unpack_from("h", answer, 16)[0] & _IS_UP)
 
 
 def _deaf(patience_s: float, environment: Mapping[str, str]) -> str | None:

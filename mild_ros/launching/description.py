@@ -26,6 +26,7 @@ from mild_ros.launching.table import (
     LAUNCHES,
     LISTENERS,
     RESPAWN_DELAY_S,
+    SETUP_ERROR,
     Launch,
     Started,
     camera_of,
@@ -50,13 +51,15 @@ def describe(name: str) -> LaunchDescription:
         else _node(wanted, one, given)
         for one in wanted.nodes
     ]
-    # A node that could not start has said why, and replay would wait for it; others may be about to say the same.
-    failed = OnProcessExit(
-        on_exit=lambda event, _: (
-            TimerAction(period=FAILED_S, actions=[Shutdown(reason="a node has failed")]) if event.returncode else None
-        )
-    )
-    return LaunchDescription([*arguments, *[RegisterEventHandler(failed)] * wanted.ends_with_failure, *nodes])
+    # A node that could not start has said why, and would say it again; others may be about to say the same.
+    patience_s = FAILED_S if wanted.ends_with_failure else 0.5 * RESPAWN_DELAY_S
+
+    def on_exit(event: Any, _: LaunchContext) -> TimerAction | None:
+        failed = event.returncode and (wanted.ends_with_failure or event.returncode == SETUP_ERROR)
+        ending = Shutdown(reason=f"{event.process_name} has failed: its reason is above")
+        return TimerAction(period=patience_s, actions=[ending]) if failed else None
+
+    return LaunchDescription([*arguments, RegisterEventHandler(OnProcessExit(on_exit=on_exit)), *nodes])
 
 
 def _by_camera(

@@ -7,11 +7,14 @@ the same nodes itself.
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
+import sys
+import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType
@@ -259,45 +262,90 @@ def _value(launch: Launch, argument: str, given: Mapping[str, str]) -> object:
     return text
 
 
+class _Started:
+    """A node that runs, what it says on standard error passed on, its refusal of the set-up kept.
+
+    Attributes:
+        process: The node.
+        refusal: The line with which it refused its set-up; empty for none.
+    """
+
+    last = b""
+    """The newest line of all nodes."""
+
+    def __init__(self, node: str, words: Sequence[str]) -> None:
+        self.refusal, self._begin = b"", f"mild_ros {node}: ".encode()
+        # Through a pipe its log would lose the colours of a terminal.
+        coloured = {"RCUTILS_COLORIZED_OUTPUT": "1"} if sys.stderr.isatty() else {}
+        self.process = subprocess.Popen(
+            words, stderr=subprocess.PIPE, env=coloured | os.environ, preexec_fn=end_with_parent
+        )
+        self._passing = threading.Thread(target=self._pass_on, daemon=True)
+        self._passing.start()
+
+    def ended(self) -> int | None:
+        """The exit code, once it has ended and all that it said was passed on."""
+        code = self.process.poll()
+        if code is not None:
+            self._passing.join(LOOK_S)  # a child of its own may hold the pipe open
+        return code
+
+    def _pass_on(self) -> None:
+        assert self.process.stderr is not None
+        with self.process.stderr as lines:
+            for line in lines:
+                _Started.last = line
+                if line.startswith(self._begin):
+                    self.refusal = line
+                with suppress(OSError):  # a terminal that was closed
+                    os.write(sys.stderr.fileno(), line)
+
+
 def run_launch(launch: Launch, given: Mapping[str, str]) -> int:
-    """Start the nodes and look after them until one that ends all has ended, or a signal comes; 0 if all went well."""
+    """Start the nodes and look after them until one that ends all has ended, or a signal comes; 0 if all went well.
+
+    A node that refuses its set-up ends them all, and its line is said last: it would refuse it again.
+    """
     wanted = commands(launch, given)
     respawned = given.get("respawn") == "true"
-    running: dict[str, subprocess.Popen[bytes]] = {}
+    running: dict[str, _Started] = {}
     again_s: dict[str, float] = {}
     failed_s, code = None, 0
     with _ended(running), _signalled() as signals:
         for node, words in wanted:
-            running[node.executable] = subprocess.Popen(words, preexec_fn=end_with_parent)
+            running[node.executable] = _Started(node.executable, words)
         while not signals:
             time.sleep(LOOK_S)
             now_s = time.monotonic()
             for node, words in wanted:
-                ended = running[node.executable].poll() if node.executable not in again_s else None
+                ended = running[node.executable].ended() if node.executable not in again_s else None
                 if ended is not None and node.ends_all and ended == 0:
                     return code
                 if ended not in (None, SETUP_ERROR) and node.respawned and respawned:
                     again_s[node.executable] = now_s + RESPAWN_DELAY_S
                 elif ended:
                     code = code or ended
-                    failed_s = failed_s or now_s
+                    failed_s = failed_s or (now_s if launch.ends_with_failure or ended == SETUP_ERROR else None)
                 if again_s.get(node.executable, now_s + 1.0) <= now_s:
                     del again_s[node.executable]
-                    running[node.executable] = subprocess.Popen(words, preexec_fn=end_with_parent)
-            is_over = all(each.poll() is not None for each in running.values()) and not again_s
-            if is_over or (failed_s and launch.ends_with_failure and now_s - failed_s > FAILED_S):
-                return code
+                    running[node.executable] = _Started(node.executable, words)
+            is_over = all(each.ended() is not None for each in running.values()) and not again_s
+            if is_over or (failed_s and now_s - failed_s > FAILED_S):
+                break
+    for one in running.values():
+        if one.ended() == SETUP_ERROR and one.refusal != _Started.last:
+            os.write(sys.stderr.fileno(), one.refusal)
     return code
 
 
 @contextmanager
-def _ended(running: Mapping[str, subprocess.Popen[bytes]]) -> Iterator[None]:
+def _ended(running: Mapping[str, _Started]) -> Iterator[None]:
     """At its end all processes get SIGINT, then SIGTERM, then SIGKILL."""
     try:
         yield
     finally:
         for number, patience_s in ((signal.SIGINT, POLITE_S), (signal.SIGTERM, FIRM_S), (signal.SIGKILL, FIRM_S)):
-            left = [process for process in running.values() if process.poll() is None]
+            left = [one.process for one in running.values() if one.process.poll() is None]
             for process in left:
                 process.send_signal(number)
             deadline_s = time.monotonic() + patience_s

@@ -20,6 +20,15 @@ if TYPE_CHECKING:
 
 Parameters = TypeVar("Parameters")
 
+KINDS: Mapping[type, str] = {
+    bool: "true or false",
+    int: "a whole number",
+    float: "a number",
+    str: "a text",
+    tuple: "a list",
+}
+"""What to give for a parameter, by its type."""
+
 OF_ROS = ("use_sim_time", "start_type_description_service")
 """Parameters that every ROS node has."""
 
@@ -175,10 +184,13 @@ def _checked(entry: Field[Any], value: Any) -> Any:
         value = tuple(value)
         if not all(isinstance(item, str) for item in value):
             raise SetupError(thing, f"is {list(value)}", "give a list of texts, e.g. [shoulder, elbow]")
+    if value is None or (value == [] and wanted is not tuple):  # NAME:= and no more
+        if wanted is str and entry.default == "":
+            return ""
+        raise SetupError(thing, "is empty", f"give {KINDS[wanted]}, or leave it out")
     if type(value) is not wanted:
-        name = {bool: "true or false", int: "a whole number", float: "a number", str: "a text", tuple: "a list"}[wanted]
         hint = "; in YAML put quotes around it" if wanted is str else ""
-        raise SetupError(thing, f"is {value!r} ({type(value).__name__})", f"give {name}{hint}")
+        raise SetupError(thing, f"is {value!r} ({type(value).__name__})", f"give {KINDS[wanted]}{hint}")
     if facts.choices and value not in facts.choices:
         raise unknown_name(thing, value, facts.choices)
     if wanted in (int, float) and not _within(value, facts.minimum, facts.maximum):

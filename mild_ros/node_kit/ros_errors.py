@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
 from mild_core.errors import SetupError
+from mild_ros.node_kit.dds_variables import heard_remedy
 
 USAGE = "write --ros-args -p NAME:=VALUE -r TOPIC:=TOPIC"
 
@@ -33,7 +34,8 @@ def refused_in_one_line() -> Iterator[None]:
             raise SetupError("ROS log", problem, "set ROS_LOG_DIR to a folder that can be written") from None
         if "argument" in problem or "parse" in problem:
             raise SetupError("--ros-args", problem, USAGE) from None
-        raise SetupError("ROS 2", problem, "./mild doctor names what of the environment keeps it from that") from None
+        remedy = heard_remedy("./mild doctor names what of the environment keeps it from that")
+        raise SetupError("ROS 2", problem, remedy) from None
 
 
 def _first_line(error: Exception) -> str:

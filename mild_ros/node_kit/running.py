@@ -9,9 +9,11 @@ processor time and a third of the tail latency of the `SingleThreadedExecutor`.
 from __future__ import annotations
 
 import gc
+import math
 import os
 import signal
 import sys
+import time
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import fields
@@ -26,6 +28,8 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from mild_core.errors import SetupError
+from mild_core.printable import printable_lines
+from mild_ros.node_kit.dds_variables import domain_id, problems, refuse_what_cannot_start, why_alone
 from mild_ros.node_kit.parameters import help_text
 from mild_ros.node_kit.ros_errors import USAGE, refused_in_one_line
 from mild_ros.node_kit.terminal import show_any_text
@@ -37,8 +41,8 @@ _ENDED_BY = "ended_by"
 _NOTICE_S = 0.1
 """A node that has nothing to do notices a signal within this time."""
 
-LAST_DOMAIN = 232
-"""With a higher one DDS ends the process by itself: its ports would be above the last there is."""
+_ALONE_S = 5.0
+"""A node that sees no other for so long after its start says what in the environment may be why."""
 
 VALUE_FLAGS = ("-p", "--param", "-r", "--remap", "--log-level", "-e", "--enclave", "--params-file")
 """Flags of `--ros-args` that take the next word."""
@@ -77,7 +81,7 @@ def _run(
     """The exit code, once all is over."""
     try:
         check_words(sys.argv[1:], parameter_names)
-        _start_ros()
+        _start_ros(name)
         with refused_in_one_line():
             node = make_node()
         interruption.end_of_loading()
@@ -126,32 +130,27 @@ def check_words(words: Sequence[str], parameter_names: Collection[str]) -> None:
         SetupError: Names the word and how to write it.
     """
     for before, word in zip(("", *words), words, strict=False):
-        name, sign, _ = word.partition(":=")
+        name, sign, value = word.partition(":=")
+        if sign and not value and before in VALUE_FLAGS:
+            raise SetupError(
+                f"{before} {word}", "has no value", f"give one, or leave it out; an empty text is {name}:='\"\"'"
+            )
         if not sign or before in VALUE_FLAGS:
             continue
         flag = "-p" if name in parameter_names else "-r"
         raise SetupError(word, "has no flag before it", f"write --ros-args {flag} {word}")
 
 
-def domain_id() -> int:
-    """The ROS 2 domain that the environment asks for.
-
-    Raises:
-        SetupError: `ROS_DOMAIN_ID` is no domain.
-    """
-    domain = os.environ.get("ROS_DOMAIN_ID") or "0"
-    if not (domain.isdecimal() and int(domain) <= LAST_DOMAIN):
-        raise SetupError("ROS_DOMAIN_ID", f"is '{domain}'", f"set it to a number from 0 to {LAST_DOMAIN}")
-    return int(domain)
-
-
-def _start_ros() -> None:
-    """Start rclpy.
+def _start_ros(name: str) -> None:
+    """Start rclpy; before it, and before whatever DDS prints, say what is wrong in the environment.
 
     Raises:
         SetupError: The environment or the command line is wrong.
     """
     domain_id()
+    refuse_what_cannot_start()
+    for variable, problem in problems().items():
+        print(printable_lines(f"mild_ros {name}: {variable}: {problem}"), file=sys.stderr, flush=True)
     with refused_in_one_line():
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         words = remove_ros_args(sys.argv)[1:]
@@ -165,12 +164,16 @@ def _spin(node: Node, interruption: _Interruption) -> None:
     gc.collect()
     gc.freeze()  # models and messages types stay: collections that walk them would show in the latency
     beside = node if isinstance(node, StageNode) else None
+    look_s = time.monotonic() + _ALONE_S
     try:
         if beside is not None:
             beside.start_threads()
         with suppress(ExternalShutdownException):
             while rclpy.ok() and not interruption.wanted and not (beside and beside.failure):
                 executor.spin_once(timeout_sec=_NOTICE_S)
+                if time.monotonic() > look_s:
+                    look_s = math.inf
+                    _look_around(node)
         if beside is not None and beside.failure is not None:
             raise beside.failure
         if (error := getattr(node, _ENDED_BY, None)) is not None:
@@ -183,6 +186,12 @@ def _spin(node: Node, interruption: _Interruption) -> None:
         executor.shutdown()
     if (error := getattr(node, _ENDED_BY, None)) is not None:  # its end has failed
         raise error
+
+
+def _look_around(node: Node) -> None:
+    """Say what in the environment may be why no other node is seen, if there is such a thing."""
+    if len(node.get_node_names()) < 2 and (why := why_alone()):
+        node.get_logger().error(printable_lines(f"no other node is seen in ROS domain {domain_id()}: {why}"))
 
 
 class _Interruption:

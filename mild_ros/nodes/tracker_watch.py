@@ -140,7 +140,7 @@ class TrackerWatch:
         if others and feed.topic == SKELETON_TOPIC:
             name, source = others[0]
             return f"is it {name}? Then -r {feed.topic}:={name} -p source:={source}"
-        return "start the tracker, or look at ROS_DOMAIN_ID"
+        return "start the tracker; does it run in another ROS_DOMAIN_ID, or unheard? See ./mild doctor"
 
     def _is_of(self, robots: set[str], topic: str) -> bool:
         """Whether a topic lies in the namespace of one of these robots, or another person tracking reads it."""

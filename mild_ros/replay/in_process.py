@@ -243,12 +243,14 @@ class Step:
         output: What the pipeline made of it.
         state: Of the pipeline after it.
         unreadable: Why its message could not be read; "" when it could.
+        detail: What was seen in one that could not.
     """
 
     event: Event
     output: PipelineOutput
     state: PipelineState
     unreadable: str = ""
+    detail: str = ""
 
 
 @dataclass(frozen=True)
@@ -286,7 +288,7 @@ def fold(bag: BagReader, pipeline: Pipeline, inputs: Inputs, rate_hz: float = 10
         try:
             given, whole = _decoded(bag, event, feeds, inputs.naming)
         except DataError as error:
-            yield Step(event, PipelineOutput(), state, unreadable=error.reason)
+            yield Step(event, PipelineOutput(), state, unreadable=error.reason, detail=error.detail)
             continue
         output = PipelineOutput()
         if whole:

@@ -18,6 +18,7 @@ from mild_core.joint_measurements import OUTCOMES
 from mild_ros.bag.encoding import restamped
 from mild_ros.bag.reader import BagReader
 from mild_ros.messages.handled import Handled
+from mild_ros.node_kit.dds_variables import heard_remedy
 from mild_ros.replay.events import JOINT_STATES, SKELETON, TAKEN, TICK, Event
 
 FIRST = ("perception", "pipeline")
@@ -267,5 +268,6 @@ class SubscriberWait:
         self._settled_s = self._settled_s + since_s if heard else 0.0
         if not heard and self._waited_s > self._patience_s:
             remedy = "start the pipeline (in lock-step with -p report_handled:=true -p use_sim_time:=true)"
-            raise SetupError("replay", f"{counts[0]} subscribers of {self._topic} after {self._waited_s:.0f} s", remedy)
+            problem = f"{counts[0]} subscribers of {self._topic} after {self._waited_s:.0f} s"
+            raise SetupError("replay", problem, heard_remedy(remedy))
         return self._settled_s >= SETTLING_S

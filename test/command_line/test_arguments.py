@@ -33,6 +33,14 @@ WRONG = {
     "scene: 'handshak' is unknown": ["demo", "--scene", "handshak"],
     "it moves RShoulderPitch": ["demo", "--model", "pepper_nuisi_next"],
     "is no folder": ["replay", BAG, "--out", "file/out"],
+    "unexpected extra argument(s) (model:=x); write -p model:=x": ["replay", BAG, "model:=x"],
+    "write --model x": ["evaluate", "model:=x"],
+    "no such option: --confg; did you mean '--config'?": ["replay", BAG, "--confg", "yumi"],
+    "did you mean '--release'?": ["hold", "--relase"],
+    "option '--start' requires an argument; see mild replay --help": ["replay", "--start"],
+    "no such command 'qqq'; there are latent, window": ["plot", "qqq"],
+    "missing option '--out'; see mild train --help": ["train"],
+    "parameter model: is empty; give a text": ["replay", BAG, "-p", "model:="],
 }
 
 EACH = """

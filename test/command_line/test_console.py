@@ -7,6 +7,7 @@ import ast
 import io
 from pathlib import Path
 
+from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
@@ -44,3 +45,13 @@ def test_the_command_line_has_no_other_console() -> None:
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.ImportFrom) and node.module == "rich.console" and path.name != "console.py":
                 assert "Console" not in {name.name for name in node.names}, path
+
+
+def test_a_narrow_terminal_costs_no_word_of_a_table() -> None:
+    table = Table("model", "error")
+    table.add_row("yumi_buetepage_ahead", "0.0447 ± 0.0001 m²")
+    for shown in (table, Group(table)):
+        out = io.StringIO()
+        console = Console(file=out, width=20)
+        console.print(shown)
+        assert {"yumi_buetepage_ahead", "0.0447", "0.0001"} <= set(out.getvalue().split())

@@ -21,8 +21,8 @@ from sensor_msgs.msg import JointState
 from mild_core import resources
 from mild_core.resources import share_folder
 from mild_ros.environment import doctor, local_dds
-from mild_ros.environment.dds_variables import VARIABLES
 from mild_ros.node_kit import libraries
+from mild_ros.node_kit.dds_variables import VARIABLES, heard_remedy
 from test.ros.processes import Probe
 
 
@@ -43,9 +43,10 @@ def test_two_processes_hear_each_other_and_the_rest_is_well(ros_domain: int) -> 
 def test_a_domain_whose_ports_do_not_exist_is_unwell(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_DOMAIN_ID", "233")
     assert not doctor.domain().well
-    for domain in ("7", ""):
+    for domain in ("7", "", "102"):
         monkeypatch.setenv("ROS_DOMAIN_ID", domain)
         assert doctor.domain().well
+    assert "other programs may take its ports" in doctor.domain().seen
 
 
 def test_another_distribution_or_two_at_once_are_unwell(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -174,6 +175,19 @@ def test_what_dds_takes_is_well(name: str, value: str, monkeypatch: pytest.Monke
     assert doctor.environment().well
 
 
+def test_a_node_that_hears_no_other_asks_what_is_wrong_and_then_what_is_set(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in VARIABLES:
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp")
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    assert heard_remedy("start one") == "start one", "what everybody has is no cause"
+    monkeypatch.setenv("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
+    assert heard_remedy("start one") == "start one; is it FASTDDS_BUILTIN_TRANSPORTS=UDPv4? ./mild doctor tries without"
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")
+    assert heard_remedy("start one").startswith("ROS_AUTOMATIC_DISCOVERY_RANGE: no node finds another: unset it")
+    assert heard_remedy("start one").endswith("; start one")
+
+
 def test_a_range_counts_less_than_localhost_only(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")
     monkeypatch.setenv("ROS_LOCALHOST_ONLY", "1")
@@ -205,19 +219,18 @@ LOCAL_RANGE = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
 
 
 @pytest.mark.parametrize(
-    ("flags", "environment", "remedy"),
+    ("is_up", "environment", "remedy"),
     [
-        (0x0, {}, "bring loopback up: ip link set lo up"),
-        (0x1, LOCAL_RANGE, "allow multicast on lo: ip link set lo multicast on, or let a firewall pass UDP"),
-        (0x1001, {}, "set ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST, or let a firewall pass UDP"),
-        (0x1001, LOCAL_RANGE, "let a firewall pass UDP from port 7400 up on lo, and to 239.255.0.1"),
+        (False, {}, "bring loopback up: ip link set lo up"),
+        (True, {}, "set ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST, or let a firewall pass UDP"),
+        (True, LOCAL_RANGE, "let a firewall pass UDP from port 7400 up on lo, and to 239.255.0.1"),
     ],
 )
 def test_the_remedy_of_a_deaf_process_is_what_is_missing(
-    flags: int, environment: dict[str, str], remedy: str, monkeypatch: pytest.MonkeyPatch
+    is_up: bool, environment: dict[str, str], remedy: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert doctor._loopback_flags() & 0x1, "what talks in these tests needs it"
-    monkeypatch.setattr(doctor, "_loopback_flags", lambda: flags)
+    assert doctor._loopback_is_up(), "what talks in these tests needs it"
+    monkeypatch.setattr(doctor, "_loopback_is_up", lambda: is_up)
     monkeypatch.setattr(doctor, "_deaf", lambda *given: "nothing heard")
     for name in VARIABLES:
         monkeypatch.delenv(name, raising=False)

@@ -52,7 +52,7 @@ def test_help_imports_neither_torch_nor_numpy_nor_ros():
 
 def test_a_misspelt_command_is_corrected(capsys):
     assert run("trian") == 2
-    assert "Did you mean 'train'" in capsys.readouterr().err
+    assert capsys.readouterr().err == "mild: command line: no such command 'trian'; did you mean 'train'?\n"
 
 
 def test_a_wrong_set_up_is_one_line_and_exit_code_2(planted, capsys):

@@ -111,12 +111,21 @@ def test_record_writes_a_bag_and_ends_with_control_c(pipeline: subprocess.Popen[
         assert set(opened.topics) == {"/diagnostics"}
 
 
-def test_where_nothing_runs_it_is_one_line(ros_domain: int) -> None:
-    for started in [mild(word, ROS_DOMAIN_ID="102") for word in ("status", "hold")]:
+NO_SERVER = "127.0.0.1:4"  # a port that only root can have, and no discovery server has
+
+
+def test_where_nothing_runs_it_is_one_line_that_names_what_keeps_nodes_apart(ros_domain: int) -> None:
+    server = {"ROS_DISCOVERY_SERVER": NO_SERVER}
+    commands = [(word, server) for word in ("status", "hold")] + [("status", {})]
+    commands += [("status", {"ROS_DISCOVERY_SERVER": "10.0.0.7:11811"})]
+    for started, (_, variables) in [(mild(word, ROS_DOMAIN_ID="102", **more), (word, more)) for word, more in commands]:
         done = ended(started)
         assert done.returncode == 2
         assert len(done.stderr.strip().splitlines()) == 1
         assert "ROS domain 102" in done.stderr
+        assert "start one: ./mild run pipeline" in done.stderr
+        assert (f"ROS_DISCOVERY_SERVER: no server runs at {NO_SERVER}" in done.stderr) == (variables == server)
+        assert ("is it ROS_DISCOVERY_SERVER=10" in done.stderr) == (variables not in (server, {}))
 
 
 def test_a_call_means_the_services_of_its_name_and_type_under_its_namespace() -> None:
@@ -154,6 +163,11 @@ def test_run_explains_itself(capsys: pytest.CaptureFixture[str]) -> None:
 def test_a_forgotten_flag_does_not_run_the_default_model(words: list[str]) -> None:
     with pytest.raises(SetupError, match="write --ros-args -p model:=x"):
         check_words(words, ["model", "a"])
+
+
+def test_a_parameter_without_a_value_is_one_line_of_ours() -> None:
+    with pytest.raises(SetupError, match="-p model:=: has no value; give one, or leave it out"):
+        check_words(["--ros-args", "-p", "model:="], ["model"])
 
 
 def test_words_with_flags_are_taken() -> None:

@@ -14,6 +14,7 @@ from mild_core.retargeting.robots.yumi import YUMI
 from mild_ros.assembly.settings import PipelineParameters
 from mild_ros.bag.reader import open_bag
 from mild_ros.command_line.main import main
+from mild_ros.command_line.result_folders import folder_of
 from mild_ros.node_kit.parameter_files import changed, read_parameters
 from mild_ros.replay.trial_bag import NEUTRAL_S, write_trial
 from test.habits.tree import ROOT
@@ -97,3 +98,16 @@ def test_a_trial_becomes_a_bag_of_a_person_and_of_the_robot_if_one_answered(
         counts = {topic: summary.count for topic, summary in bag.topics.items()}
     people = {"/skeleton": 20 + round(NEUTRAL_S * 20.0)}
     assert counts == people | ({"/joint_states": 1, "/true_motion": people["/skeleton"]} if robot else {})
+
+
+def test_two_bags_of_one_name_keep_their_results_and_the_same_bag_its_own(tmp_path: Path) -> None:
+    bags = [tmp_path / place / "recorded" for place in ("a", "b")]
+    for bag in bags:
+        bag.mkdir(parents=True)
+    bags.append(tmp_path / "recorded.mcap")
+    bags[-1].touch()
+    out = tmp_path / "out"
+    names = [folder_of(out, bag).name for bag in (*bags, *bags)]
+    assert names == ["recorded", "recorded_2", "recorded_3"] * 2
+    (out / "take.1").mkdir()
+    assert folder_of(out, tmp_path / "take.1").name == "take.1_2", "results that do not say of what they are"

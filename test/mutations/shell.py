@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from test.mutations.fault import Fault
 
+ARGUMENTS = ("test/command_line/test_arguments.py",)
 MESSAGES = ("test/ros/test_messages.py",)
 SKELETONS = ("test/ros/test_skeleton_messages.py", "test/ros/test_sources.py", "test/ros/test_joint_by_joint.py")
 REPLAY = ("test/replay/test_replay_events.py", "test/replay/test_encoding.py", "test/replay/test_replay.py")
@@ -494,8 +495,8 @@ FAULTS = (
         "loopback is taken to be up",
         "Where loopback is down the doctor advises what cannot help.",
         "mild_ros/environment/doctor.py",
-        "    if not flags & _IS_UP:\n",
-        "    if flags < 0:\n",
+        "    if not is_up:\n",
+        "    if is_up is None:\n",
         DOCTOR,
     ),
     Fault(
@@ -509,15 +510,15 @@ FAULTS = (
     Fault(
         "any name is a peer",
         "A static peer without an address, with which no node starts, is well.",
-        "mild_ros/environment/dds_variables.py",
-        '"nodes of these machines are looked for too", _no_peer)',
+        "mild_ros/node_kit/dds_variables.py",
+        '"nodes of these machines are looked for too", _no_peer, starts=False)',
         '"nodes of these machines are looked for too")',
         DOCTOR,
     ),
     Fault(
         "settings of a transport are no transport",
         "A value that Fast DDS takes is called unknown.",
-        "mild_ros/environment/dds_variables.py",
+        "mild_ros/node_kit/dds_variables.py",
         'if value.partition("?")[0] in TRANSPORTS:',
         "if value in TRANSPORTS:",
         DOCTOR,
@@ -525,7 +526,7 @@ FAULTS = (
     Fault(
         "a server that runs is missing",
         "A discovery server is looked for where there is none, and not missed where there is none.",
-        "mild_ros/environment/dds_variables.py",
+        "mild_ros/node_kit/dds_variables.py",
         "int(port) not in bound",
         "int(port) in bound",
         DOCTOR,
@@ -553,5 +554,101 @@ FAULTS = (
         "os.sched_param(BESIDE))",
         "os.sched_param(CONTROL))",
         PRIORITIES,
+    ),
+    Fault(
+        "alone without a reason",
+        "What hears no node does not say what is wrong in the environment.",
+        "mild_ros/node_kit/dds_variables.py",
+        "    if found := problems():",
+        "    if (found := problems()) and not found:",
+        DOCTOR,
+    ),
+    Fault(
+        "what everybody has is suspected",
+        "A discovery range of every day is named as what keeps nodes apart.",
+        "mild_ros/node_kit/dds_variables.py",
+        "if name not in HARMLESS and value not in COMMON]",
+        "if name not in HARMLESS]",
+        DOCTOR,
+    ),
+    Fault(
+        "a domain of the doctor's own",
+        "The doctor refuses domains with which nodes start.",
+        "mild_ros/environment/doctor.py",
+        "well = given.isdecimal() and int(given) <= LAST_DOMAIN",
+        "well = given.isdecimal() and int(given) <= DOMAINS[-1]",
+        DOCTOR,
+    ),
+    Fault(
+        "another bag's results",
+        "The results of a bag take the place of those of another bag of its name.",
+        "mild_ros/command_line/result_folders.py",
+        "if not place.exists() or _is_of(place, bag))",
+        "if not place.exists() or place.is_dir())",
+        ("test/command_line/test_replay.py",),
+    ),
+    Fault(
+        "a refusal scrolls away",
+        "A launch ends without the line of the node that refused its set-up.",
+        "mild_ros/launching/table.py",
+        "if one.ended() == SETUP_ERROR and one.refusal != _Started.last:",
+        "if one.ended() == 1 and one.refusal != _Started.last:",
+        ("test/packaging/test_launch.py",),
+    ),
+    Fault(
+        "a refused set-up is tried again",
+        "A launch goes on when a node has refused its set-up.",
+        "mild_ros/launching/table.py",
+        "(now_s if launch.ends_with_failure or ended == SETUP_ERROR else None)",
+        "(now_s if launch.ends_with_failure else None)",
+        ("test/packaging/test_launch.py",),
+    ),
+    Fault(
+        "no hint for a forgotten -p",
+        "A parameter without its flag is refused without the way to write it.",
+        "mild_ros/command_line/main.py",
+        'if sign and "-p" in options:',
+        'if sign and "-p" in known:',
+        ARGUMENTS,
+    ),
+    Fault(
+        "no hint for an option",
+        "A misspelt option is refused without the nearest one.",
+        "mild_ros/command_line/main.py",
+        'known = options if word.startswith("-") else',
+        'known = [] if word.startswith("-") else',
+        ARGUMENTS,
+    ),
+    Fault(
+        "a box of five lines",
+        "A wrong command line is reported by the library, in a box.",
+        "mild_ros/command_line/main.py",
+        'prog_name="mild", standalone_mode=False)',
+        'prog_name="mild", standalone_mode=True)',
+        ARGUMENTS,
+    ),
+    Fault(
+        "a value that is missing runs on",
+        "A parameter NAME:= without a value is left to ROS, which says something else.",
+        "mild_ros/node_kit/running.py",
+        "if sign and not value and before in VALUE_FLAGS:",
+        "if sign and not value and before in ():",
+        OPERATOR,
+    ),
+    Fault(
+        "nothing is a type",
+        "A parameter without a value is called by Python's name of nothing.",
+        "mild_ros/node_kit/parameters.py",
+        "if value is None or (value == [] and wanted is not tuple):",
+        "if value == [] and wanted is not tuple:",
+        ARGUMENTS,
+    ),
+    Fault(
+        "a table without its words",
+        "A narrow terminal cuts words out of a table.",
+        "mild_ros/command_line/console.py",
+        "column.min_width = max(column.min_width or 0, *map(len, _kept_whole(column)), 1)",
+        "column.min_width = column.min_width or 0",
+        ("test/command_line/test_console.py",),
     ),
 )

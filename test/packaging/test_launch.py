@@ -21,7 +21,8 @@ from mild_ros.assembly.settings import NODES, PipelineParameters
 from mild_ros.bag.reader import open_bag
 from mild_ros.commands.joint_naming import joint_naming
 from mild_ros.controllers import OUTPUTS
-from mild_ros.launching.table import LAUNCHES, commands, read_arguments
+from mild_ros.launching import table
+from mild_ros.launching.table import LAUNCHES, commands, read_arguments, run_launch
 from mild_ros.node_kit.parameter_files import read_parameters
 from test.habits.tree import ROOT
 
@@ -120,6 +121,32 @@ def test_a_launched_replay_ends_with_its_bag_and_a_failure_with_its_line(ros_dom
     assert whole.returncode == 0, whole.stderr
     with open_bag(recorded) as bag:
         assert {"/joint_command", "/joint_states"} <= set(bag.topics)
+
+
+REFUSES = "import sys, time; print('mild_ros {}: model: is none; give one', file=sys.stderr); sys.exit(2)"
+GOES_ON = """
+import signal, sys
+signal.signal(signal.SIGINT, lambda *_: sys.exit(0))
+while True:
+    print('a line that scrolls the other away', file=sys.stderr, flush=True)
+    signal.sigtimedwait([], 0.05)
+"""
+
+
+@pytest.mark.parametrize(("other", "respawn"), [(GOES_ON, "true"), (REFUSES.format("simulation"), "false")])
+def test_a_refused_set_up_ends_a_launch_with_its_line_last(
+    other: str, respawn: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """It would be refused again: it is no crash to start again after."""
+    nodes = LAUNCHES["simulation"].nodes
+    programs = (REFUSES.format("pipeline"), other)
+    planted = [(node, [sys.executable, "-c", text]) for node, text in zip(nodes, programs, strict=True)]
+    monkeypatch.setattr(table, "commands", lambda *_: planted)
+    monkeypatch.setattr(table, "FAILED_S", 0.3)
+    assert run_launch(LAUNCHES["simulation"], {"respawn": respawn}) == 2
+    said = capfd.readouterr().err.splitlines()
+    assert "model: is none" in said[-1]
+    assert said.count("mild_ros pipeline: model: is none; give one") == 2, "when it happens, and at the end"
 
 
 def test_the_default_configuration_is_there() -> None:

@@ -126,6 +126,16 @@ def write_transforms(bag: Path) -> Path:
     return bag
 
 
+def write_no_rotations(bag: Path) -> Path:
+    """A good static transform, and people whose joints are none."""
+    with create_bag(bag) as writer:
+        good = Transforms(transforms=[transform("map", "camera")])
+        writer.write("/tf_static", "tf2_msgs/msg/TFMessage", START_NS, encode(good))
+        wrong = [transform("camera", name, q=(0.0, 0.0, 0.0, 0.0)) for name in ("hand_1", "hips_1")]
+        writer.write("/tf", "tf2_msgs/msg/TFMessage", START_NS + 1, encode(Transforms(transforms=wrong)))
+    return bag
+
+
 @pytest.mark.parametrize(
     ("write", "source", "words"),
     [
@@ -136,8 +146,9 @@ def write_transforms(bag: Path) -> Path:
         ),
         (lambda bag: write_markers(bag, *range(100, 132)), SOURCES["zed"], "is it /people. Then set source to azure_k"),
         (write_transforms, HAND, "/tf has no hips_{}, but hand_1.*name the frames in joint_places"),
+        (write_no_rotations, HAND, "not_a_transform.*length 0, not 1.*record it again, once what publishes them"),
     ],
-    ids=["numbers", "type", "frames"],
+    ids=["numbers", "type", "frames", "rotations"],
 )
 def test_the_advice_is_that_of_the_live_check(
     tmp_path: Path, write: Callable[[Path], Path], source: SkeletonSource, words: str

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from mild_ros.command_line import main as command_line
-from mild_ros.environment.dds_variables import GIVEN_RMW, VARIABLES
 from mild_ros.environment.local_dds import PROFILE_VARIABLES, keep_to_this_machine, local_environment, profile
 from mild_ros.environment.processes import PYTHON, Nodes
+from mild_ros.node_kit.dds_variables import GIVEN_RMW, VARIABLES
 from test.ros.two_machines import ADDRESSES, cannot_be_made, on_both
 
 HELLO = [*PYTHON, "-m", "mild_ros.environment.discovery_probe", "hello"]

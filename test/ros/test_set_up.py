@@ -7,6 +7,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,7 +16,7 @@ import pytest
 from mild_core.inference.manifest import ControlledAgent
 from mild_core.inference.model import save_model
 from test.core.inference.random_model import manifest, paper_member, random_arrays
-from test.ros.processes import ROOT, NodeProcess, Probe, without_log_lines
+from test.ros.processes import ROOT, START_S, NodeProcess, Probe, without_log_lines
 
 pytestmark = pytest.mark.slow
 
@@ -131,13 +132,13 @@ def test_what_does_not_fit_the_model_is_one_line(
 @pytest.mark.parametrize(
     ("variable", "value", "message"),
     [
-        ("ROS_DOMAIN_ID", "233", "ROS_DOMAIN_ID: is '233'; set it to a number from 0 to 232"),
-        ("ROS_DOMAIN_ID", "mine", "ROS_DOMAIN_ID: is 'mine'; set it to a number from 0 to 232"),
+        ("ROS_DOMAIN_ID", "233", "ROS_DOMAIN_ID: is '233'; set it to a number from 0 to 101, or up to 232 "),
+        ("ROS_DOMAIN_ID", "mine", "ROS_DOMAIN_ID: is 'mine'; set it to a number from 0 to 101, or up to 232 "),
         ("HOME", "/proc/nowhere", "ROS log: failed to initialize logging: "),
         (
             "ROS_STATIC_PEERS",
             "10.0.0.300",
-            "ROS 2: error creating node: Unable to resolve peer 10.0.0.300; ./mild ",
+            "ROS_STATIC_PEERS: '10.0.0.300' is no IPv4 address and no name known here, so no node starts; correct it",
         ),
     ],
 )
@@ -149,6 +150,21 @@ def test_a_wrong_environment_is_one_line(
     node = start("simulation")
     refused(node, message)
     assert ("set ROS_LOG_DIR to a folder that can be written" in node.output()) == (variable == "HOME")
+
+
+def test_a_node_that_sees_no_other_names_what_of_the_environment_may_be_why(
+    start: Callable[..., NodeProcess], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ROS_DISCOVERY_SERVER", "127.0.0.1:4")
+    wrong = "ROS_DISCOVERY_SERVER: no server runs at 127.0.0.1:4"
+    node = start("simulation")
+    deadline_s = time.monotonic() + START_S
+    while "no other node is seen" not in node.output():
+        assert time.monotonic() < deadline_s, node.output()
+        time.sleep(0.05)
+    first, *_, last = node.output().splitlines()
+    assert first.startswith(f"mild_ros simulation: {wrong}"), "before whatever DDS says"
+    assert wrong in last
 
 
 def test_help_lists_the_parameters() -> None:

@@ -28,13 +28,22 @@ LARGEST = 1e6
 
 
 class JointLimits(NamedTuple):
-    """What a file says of one joint; infinite where it says nothing [rad, rad/s, rad/s^2, rad/s^3]."""
+    """What files say of one joint; infinite where they say nothing [rad, rad/s, rad/s^2, rad/s^3]."""
 
     lower: float = -math.inf
     upper: float = math.inf
     velocity: float = math.inf
     acceleration: float = math.inf
     jerk: float = math.inf
+    source: str = ""
+    """The file of the position limits, for messages."""
+
+    def narrowed(self, other: JointLimits, source: str) -> JointLimits:
+        """The narrower of both, position limits of `other` as those of the file `source`."""
+        mine = other.lower <= self.lower and other.upper >= self.upper
+        upper, velocity, acceleration, jerk = map(min, self[1:5], other[1:5])
+        lower = max(self.lower, other.lower)
+        return JointLimits(lower, upper, velocity, acceleration, jerk, self.source if mine else source)
 
 
 def _angle(unit: float) -> Callable[[Any, Any], float]:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -15,6 +15,12 @@ from mild_core.errors import SetupError, unknown_name
 from mild_core.retargeting.robot_model.robot import RobotModel
 from mild_core.retargeting.robot_model.urdf import FIXED, LOOSE, SLIDING, Joint, read_joints
 from mild_core.shapes import FloatArray
+
+SOFT = {
+    "kept": "the soft limits of its safety controller hold for",
+    "no room": "the soft limits of its safety controller leave no room, and do not count, for",
+}
+"""By `Joint.soft` what people should know."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,9 +42,14 @@ class KinematicTree:
         """Names of all links."""
         return (self.root, *self.by_child)
 
-    def notes(self) -> tuple[str, ...]:
-        """What is not as the description says, a line for each."""
+    def notes(self, limited: Collection[str] = ()) -> tuple[str, ...]:
+        """What is not as the description says, or not as one may think, a line for each.
+
+        Args:
+            limited: Joints whose limits are taken from here.
+        """
         joints = {joint.name: joint for joint in self.by_child.values()}
+        soft = {what: [name for name in limited if name in joints and joints[name].soft == what] for what in SOFT}
         loose = [f"'{name}' ({joint.kind})" for name, joint in joints.items() if joint.kind in LOOSE]
         lost = [f"'{name}'" for name, joint in joints.items() if joint.mimics and self.followed(joint)[0] == name]
         return tuple(
@@ -46,6 +57,7 @@ class KinematicTree:
             for what, names in (
                 ("what hangs on joints without a single position stays where they are at zero:", loose),
                 ("joints that copy one that is not there, or each other, stand at rest:", lost),
+                *((text, soft[what]) for what, text in SOFT.items()),
             )
             if names
         )

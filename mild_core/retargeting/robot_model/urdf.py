@@ -82,7 +82,8 @@ class Joint:
         offset: Position when the copied joint is at 0 [rad or m].
         limits: Smallest and largest position and largest speed [rad or m, and per s]; NaN where the file has none that
             a joint could move in. Where the robot's own safety controller keeps narrower ones, these.
-        softened: Whether it keeps narrower ones.
+        soft: What became of the limits of its safety controller: `kept` where they are narrower, `no room` where they
+            leave none and do not count, else "".
         effort: Largest torque or force [N m or N]; 0 where the file has none.
     """
 
@@ -96,7 +97,7 @@ class Joint:
     multiplier: float = 1.0
     offset: float = 0.0
     limits: tuple[float, float, float] = (math.nan, math.nan, math.nan)
-    softened: bool = False
+    soft: str = ""
     effort: float = 0.0
 
 
@@ -287,18 +288,24 @@ def _examine_tree(links: set[str], joints: list[ElementTree.Element]) -> None:
         for end in ends:
             if end not in links:
                 raise ValueError(f"joint '{joint.get('name')}' names a link '{end}' that it does not have")
+        if ends[0] == ends[1]:
+            raise ValueError(f"joint '{joint.get('name')}' joins link '{ends[0]}' to itself")
         if ends[1] in parents:
             raise ValueError(f"link '{ends[1]}' hangs on two joints, so it is no tree")
         parents[ends[1]] = ends[0]
     alone = sorted(links - parents.keys() - set(parents.values()))
     if alone and len(links) > 1:
         raise ValueError(f"link '{alone[0]}' hangs on no joint")
-    for link in links:
-        depth, at = 0, link
-        while at in parents:
-            depth, at = depth + 1, parents[at]
-            if depth > CHAIN_LIMIT:
-                raise ValueError(f"from '{link}' on, joints form a loop or a chain of more than {CHAIN_LIMIT}")
+    for link in sorted(links):
+        above = [link]
+        while above[-1] in parents and len(above) <= CHAIN_LIMIT:
+            above.append(parents[above[-1]])
+            if (at := above[-1]) in above[:-1]:
+                loop = above[above.index(at) : -1]
+                first = loop.index(min(loop))
+                raise ValueError(f"links hang on each other in a loop: {', '.join([*loop[first:], *loop[:first]][:5])}")
+        if above[-1] in parents:
+            raise ValueError(f"from '{link}' on, joints form a chain of more than {CHAIN_LIMIT}")
     roots = sorted(links - parents.keys())
     if len(roots) != 1:
         raise ValueError(f"its links form no tree: {', '.join(roots[:5]) or 'each'} hang on nothing")
@@ -341,7 +348,7 @@ def _joint(element: ElementTree.Element) -> Joint:
     length = float(np.linalg.norm(direction))
     if kind not in FIXED and length < 1e-6:
         raise ValueError(f"joint '{name}' has no axis")
-    limits, softened = _limits(element, kind)
+    limits, soft = _limits(element, kind)
     return Joint(
         name=name,
         kind=kind,
@@ -353,30 +360,40 @@ def _joint(element: ElementTree.Element) -> Joint:
         multiplier=_numbers(mimic, "multiplier", (1.0,))[0],
         offset=_numbers(mimic, "offset", (0.0,))[0],
         limits=limits,
-        softened=softened,
+        soft=soft,
         effort=max(0.0, _numbers(element.find("limit"), "effort", (0.0,))[0]),
     )
 
 
-def _limits(element: ElementTree.Element, kind: str) -> tuple[tuple[float, float, float], bool]:
-    """Smallest and largest position and largest speed, NaN for what is not given or leaves no room; whether soft ones.
+def _limits(element: ElementTree.Element, kind: str) -> tuple[tuple[float, float, float], str]:
+    """Smallest and largest position and largest speed, NaN for what is not given or leaves no room; `Joint.soft`.
 
     Exporters write 0 where they know nothing. Soft limits count where they are narrower.
     Source: http://wiki.ros.org/pr2_controller_manager/safety_limits
     """
-    limit, soft = element.find("limit"), element.find("safety_controller")
+    limit, controller = element.find("limit"), element.find("safety_controller")
     lower, upper, velocity = (_limit(limit, name) for name in ("lower", "upper", "velocity"))
     if kind == "continuous":
         lower, upper = math.nan, math.nan
-    elif limit is not None:  # the specification: 0 where one of both is left out
-        lower, upper = (0.0 if math.isnan(value) else value for value in (lower, upper))
+    elif limit is not None:
+        lower, upper = _both(lower, upper)
         if lower == upper:
             lower, upper = math.nan, math.nan
-    softest = _limit(soft, "soft_lower_limit"), _limit(soft, "soft_upper_limit")
-    narrowed = float(np.fmax(lower, softest[0])), float(np.fmin(upper, softest[1]))
-    softened = softest[0] < softest[1] and not narrowed[0] >= narrowed[1] and narrowed != (lower, upper)
-    lower, upper = narrowed if softened else (lower, upper)
-    return (lower, upper, velocity if velocity > 0.0 else math.nan), softened
+    softest = _both(*(_limit(controller, name) for name in ("soft_lower_limit", "soft_upper_limit")))
+    narrowed, soft = (float(np.fmax(lower, softest[0])), float(np.fmin(upper, softest[1]))), ""
+    if not math.isnan(softest[0]) and kind not in FIXED:
+        if softest[0] >= softest[1] or narrowed[0] >= narrowed[1]:
+            soft = "no room"
+        elif narrowed != (lower, upper):
+            soft, (lower, upper) = "kept", narrowed
+    return (lower, upper, velocity if velocity > 0.0 else math.nan), soft
+
+
+def _both(lower: float, upper: float) -> tuple[float, float]:
+    """Two limits of which the specification takes one that is left out (NaN) for 0; both are left out as they are."""
+    if math.isnan(lower) and math.isnan(upper):
+        return lower, upper
+    return (0.0 if math.isnan(lower) else lower), (0.0 if math.isnan(upper) else upper)
 
 
 def _link(element: ElementTree.Element, joint: str, tag: str) -> str:

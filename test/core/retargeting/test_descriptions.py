@@ -10,7 +10,7 @@ import pytest
 
 from mild_core.errors import SetupError
 from mild_core.retargeting.guard import Guard
-from mild_core.retargeting.robot_file import read_robot
+from mild_core.retargeting.robot_file import find_robot, read_robot
 from mild_core.retargeting.robot_model.capsules import capsules_of
 from mild_core.retargeting.robot_model.chain import chain_of
 from mild_core.retargeting.robot_model.inverse_kinematics import InverseKinematics, Reach
@@ -38,8 +38,11 @@ def test_soft_limits_count_where_they_are_narrower(tmp_path: Path) -> None:
     assert (robot.lower_rad.tolist(), robot.upper_rad.tolist()) == ([-1, -1.5, -1.5], [1, 1.5, 1.5])
     assert "soft limits of its safety controller hold for j1" in " ".join(robot.notes)
     for useless in ('soft_lower_limit="0" soft_upper_limit="0"', 'soft_lower_limit="2" soft_upper_limit="3"'):
-        text = ARM.replace(LIMIT, f"{LIMIT}<safety_controller {useless}/>", 1)
-        assert small_arm(tmp_path, text).upper_rad[0] == 1.5
+        robot = small_arm(tmp_path, ARM.replace(LIMIT, f"{LIMIT}<safety_controller {useless}/>", 1))
+        assert robot.upper_rad[0] == 1.5
+        assert "leave no room, and do not count, for j1" in " ".join(robot.notes)
+    silent = small_arm(tmp_path, ARM.replace(LIMIT, f'{LIMIT}<safety_controller k_velocity="20"/>', 1))
+    assert silent.notes == (), "no limits are stated there"
     narrow = SOFT.replace("-1.0", "-0.1").replace("1.0", "0.1")
     with pytest.raises(SetupError, match=r"outside the limits of 'j1': 0.2, not within -0.1 to 0.1; the soft limits"):
         small_arm(tmp_path, ARM.replace(LIMIT, LIMIT + narrow, 1))
@@ -155,6 +158,10 @@ def test_limits_are_also_read_from_files_of_limits_and_the_narrowest_counts(tmp_
     (tmp_path / "all.yaml").write_text(
         "joint_limits:\n" + "".join(f"  j{n}: {{max_acceleration: {n}}}\n" for n in (1, 2, 3))
     )
+    (note,) = robot.notes
+    assert note.endswith(
+        "control.yaml: limits for joints that arm.urdf has not, which bind nothing: 'other' (there are j3)"
+    )
     path = written(tmp_path, more='joint_limits = "all.yaml"\n')
     path.write_text(path.read_text().replace("acceleration_rad_s2 = 10\n", ""))
     assert read_robot(path).acceleration_rad_s2.tolist() == [1, 2, 3]
@@ -207,3 +214,40 @@ def test_what_others_get_has_bodies_that_there_can_be(tmp_path: Path) -> None:
     assert max(map(len, made.splitlines())) < 300  # PyBullet cuts those of more than 8192, and a robot has many
     (tmp_path / "made.urdf").write_text(made)
     assert [each.name for each in read_tree(tmp_path / "made.urdf").by_child.values()] == ["j1", "j2", "j3"]
+
+
+def test_a_file_of_limits_may_be_for_more_than_the_arm_and_a_misspelt_joint_is_named(tmp_path: Path) -> None:
+    gripper = link("finger") + joint("finger_joint", "hand", "finger", "0 0 1")
+    text = "joint_limits:\n  j1: {max_velocity: 1}\n  finger_joint: {max_velocity: 1}\n"
+    (tmp_path / "limits.yaml").write_text(text)
+    assert small_arm(tmp_path, with_more(gripper), more='joint_limits = "limits.yaml"\n').notes == ()
+    (tmp_path / "limits.yaml").write_text(text + "  finger_jont: {max_velocity: 1}\n  j22: {max_velocity: 1}\n")
+    (note,) = small_arm(tmp_path, with_more(gripper), more='joint_limits = "limits.yaml"\n').notes
+    assert "'finger_jont' (there are j2, j3)" in note
+    assert "'j22' (did you mean 'j2'?)" in note
+
+
+def test_home_outside_the_limits_of_a_file_of_limits_names_that_file(tmp_path: Path) -> None:
+    (tmp_path / "limits.yaml").write_text("joint_limits: {j1: {has_position_limits: true, max_position: 0.1}}")
+    with pytest.raises(SetupError, match=r"limits of 'j1': 0.2, not within -1.5 to 0.1; those of limits.yaml hold"):
+        small_arm(tmp_path, more='joint_limits = "limits.yaml"\n')
+
+
+def test_a_loop_is_named_by_the_joint_or_by_its_links(tmp_path: Path) -> None:
+    """Whatever the order in which a set of links comes."""
+    loops = link("a") + link("b") + joint("ab", "a", "b", "0 0 1") + joint("ba", "b", "a", "0 0 1")
+    with pytest.raises(SetupError, match="links hang on each other in a loop: a, b"):
+        small_arm(tmp_path, with_more(loops))
+    with pytest.raises(SetupError, match="joint 'self' joins link 'a' to itself"):
+        small_arm(tmp_path, with_more(link("a") + joint("self", "a", "a", "0 0 1")))
+
+
+def test_a_folder_in_the_place_of_a_robot_file_and_a_rest_of_nothing_say_what_works(tmp_path: Path) -> None:
+    path = written(tmp_path, more="[rest]\nj9 = 0.1\n")
+    with pytest.raises(SetupError, match=r"key 'rest.j9' is unknown; leave it out"):
+        read_robot(path)
+    with pytest.raises(SetupError, match=f"is a folder, not a robot file; give {path}"):
+        find_robot(str(tmp_path))
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(SetupError, match="there is none in it"):
+        find_robot(str(tmp_path / "empty"))

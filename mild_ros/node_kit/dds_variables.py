@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
+from mild_core.errors import SetupError
+
 GIVEN_RMW = "MILD_GIVEN_RMW"
 """Set by `./mild` to the user's RMW_IMPLEMENTATION where it takes Fast DDS in its place, the only one it brings."""
 
@@ -32,17 +34,26 @@ DISCOVERY_PORT = 11811
 """Of a discovery server that is named without one. Source: Fast DDS, ROS_DISCOVERY_SERVER."""
 
 
+LAST_DOMAIN = 232
+"""With a higher one DDS ends the process by itself: its ports would be above the last there is."""
+
+DOMAINS_TEXT = f"a number from 0 to 101, or up to {LAST_DOMAIN} where other programs leave its ports alone"
+"""What `ROS_DOMAIN_ID` may be. From 102 to 214 Linux hands its ports out to any process."""
+
+
 @dataclass(frozen=True)
 class Variable:
     """An environment variable that matters to DDS.
 
     Attributes:
         does: What it does, in a few words.
-        problem: What is wrong with a value, with what to do; "" for nothing.
+        problem: What is wrong with a value, with what to do after a colon; "" for nothing.
+        starts: Whether nodes start with what is wrong all the same.
     """
 
     does: str
     problem: Callable[[str], str] = lambda value: ""
+    starts: bool = True
 
 
 def _without_server(value: str) -> str:
@@ -125,7 +136,7 @@ def _secured(value: str) -> str:
 VARIABLES: Mapping[str, Variable] = {
     "ROS_DISCOVERY_SERVER": Variable("nodes find each other only through the discovery server there", _without_server),
     "ROS_SUPER_CLIENT": Variable("sees all that a discovery server knows"),
-    "ROS_STATIC_PEERS": Variable("nodes of these machines are looked for too", _no_peer),
+    "ROS_STATIC_PEERS": Variable("nodes of these machines are looked for too", _no_peer, starts=False),
     "ROS_LOCALHOST_ONLY": Variable("1 keeps discovery to this machine, whatever the discovery range says; outdated"),
     "ROS_AUTOMATIC_DISCOVERY_RANGE": Variable("how far nodes are looked for", _no_range),
     "RMW_IMPLEMENTATION": Variable("which middleware carries messages; one for all nodes", _not_installed),
@@ -152,8 +163,64 @@ HARMLESS = ("SKIP_DEFAULT_XML_FILE", GIVEN_RMW)
 """Settings that never prevent discovery."""
 
 
+COMMON = ("rmw_fastrtps_cpp", "SUBNET", "LOCALHOST", "SYSTEM_DEFAULT")
+"""Values of every day."""
+
+
 def given(environment: Mapping[str, str] = os.environ) -> Iterator[tuple[str, str, Variable]]:
     """Variables that are set: name, value and what is known of each."""
     for name, variable in VARIABLES.items():
         if value := environment.get(name):
             yield name, value, variable
+
+
+def domain_id() -> int:
+    """The ROS 2 domain that the environment asks for.
+
+    Raises:
+        SetupError: `ROS_DOMAIN_ID` is no domain.
+    """
+    domain = os.environ.get("ROS_DOMAIN_ID") or "0"
+    if not (domain.isdecimal() and int(domain) <= LAST_DOMAIN):
+        raise SetupError("ROS_DOMAIN_ID", f"is '{domain}'", f"set it to {DOMAINS_TEXT}")
+    return int(domain)
+
+
+def profiles_here() -> list[str]:
+    """Files of the current folder from which Fast DDS takes settings."""
+    return [] if os.environ.get("SKIP_DEFAULT_XML_FILE") else [name for name in PROFILES_HERE if Path(name).is_file()]
+
+
+def problems() -> dict[str, str]:
+    """What is wrong with the variables that are set, with what to do, by name."""
+    return {name: problem for name, value, variable in given() if (problem := variable.problem(value))}
+
+
+def refuse_what_cannot_start() -> None:
+    """Before ROS does, in its words.
+
+    Raises:
+        SetupError: A variable has a value with which no node starts.
+    """
+    for name, problem in problems().items():
+        if not VARIABLES[name].starts:
+            wrong, _, remedy = problem.rpartition(": ")
+            raise SetupError(name, wrong, remedy)
+
+
+def why_alone() -> str:
+    """What in the environment may be why no other node is heard: what is wrong there, else what is set; "" for nothing.
+
+    The doctor finds out which of them it is.
+    """
+    if found := problems():
+        return "; ".join(f"{name}: {problem}" for name, problem in found.items())
+    changed = [f"{name}={value}" for name, value, _ in given() if name not in HARMLESS and value not in COMMON]
+    changed += [f"{name} in this folder" for name in profiles_here()]
+    return f"is it {', '.join(changed)}? ./mild doctor tries without" if changed else ""
+
+
+def heard_remedy(remedy: str) -> str:
+    """A remedy for a node that hears no other, and what of the environment may be why: that first, if it is wrong."""
+    why = why_alone()
+    return "; ".join(filter(None, (why, remedy) if problems() else (remedy, why)))
