@@ -35,9 +35,8 @@ from typing import Any
 import numpy as np
 
 from mild_core.errors import DataError
-from mild_core.perception.arm import in_arm_frame
+from mild_core.perception.arm import BoneFit, bone_fit, in_arm_frame
 from mild_core.perception.bodies import NO_BODIES, Bodies, Placing, body_segments, facing_of, followed
-from mild_core.perception.bone_fit import BoneFit, bone_fit
 from mild_core.perception.calibration import Calibration
 from mild_core.perception.joint_validity import Body, Point, believed, bone_lengths, check_bones, check_leaps, fits
 from mild_core.perception.neutral import (

@@ -133,8 +133,7 @@ def _require_trials(request: CrossValidationRequest) -> tuple[Demonstration, ...
 
 def _leave(table: Mapping[str, Any], rows: Sequence[Row], unit: Unit, out: Path, as_json: bool) -> None:
     """Write the files of one protocol's table, and print it unless JSON will be."""
-    from mild_ros.viewing.figures.comparison import draw_comparison
-    from mild_ros.viewing.figures.reliability import draw_reliability
+    from mild_ros.viewing.figures.comparison import draw_comparison, draw_reliability
     from mild_ros.viewing.style import counted
 
     cells = run_time_cells(table["run_time"], {row.method: row.title for row in rows})

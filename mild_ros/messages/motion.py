@@ -24,7 +24,15 @@ from mild_core.signals import ARM_FRAME, ARM_JOINTS, RECOGNITION_STATES, MotionW
 from mild_ros.messages.feature_window import POSITION_FIELDS
 from mild_ros.messages.point_cloud import array_from_msg, array_to_msg
 from mild_ros.messages.stamps import duration_to_msg, ns_from_msg, time_to_msg
-from mild_ros.messages.standard import Header, JointTrajectory, JointTrajectoryPoint, PointCloud2
+from mild_ros.messages.standard import (
+    Float64MultiArray,
+    Header,
+    JointTrajectory,
+    JointTrajectoryPoint,
+    MultiArrayDimension,
+    MultiArrayLayout,
+    PointCloud2,
+)
 
 SCALARS = ("interaction", "probability", "phase", "out_of_distribution", "lead_ns", "period_ns", "state", "may_start")
 RADII = ("radius_50", "radius_90")
@@ -132,3 +140,12 @@ def _positions(message: Any) -> tuple[tuple[str, ...], FloatArray]:
 
 def _numbered(name: str, count: int) -> tuple[str, ...]:
     return tuple(f"{name}_{index}" for index in range(count))
+
+
+def belief_to_msg(motion: MotionWindow) -> Float64MultiArray:
+    """The belief (K,) over the components of the interaction, whose name is the label of the one dimension."""
+    size = motion.belief.size
+    dimension = MultiArrayDimension(label=f"{motion.interaction or 'unknown'} component", size=size, stride=size)
+    return Float64MultiArray(
+        layout=MultiArrayLayout(dim=[dimension], data_offset=0), data=array.array("d", motion.belief.tobytes())
+    )

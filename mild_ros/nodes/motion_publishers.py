@@ -11,9 +11,8 @@ from std_msgs.msg import Float64MultiArray, String
 
 from mild_core.inference.manifest import Manifest
 from mild_core.signals import MotionWindow
-from mild_ros.messages.belief import belief_to_msg
 from mild_ros.messages.feature_window import feature_window_to_msg
-from mild_ros.messages.motion import motion_state_to_msg, motion_to_msg, motion_type
+from mild_ros.messages.motion import belief_to_msg, motion_state_to_msg, motion_to_msg, motion_type
 from mild_ros.messages.person import person_to_msg
 from mild_ros.node_kit.diagnostics import Diagnostics
 from mild_ros.node_kit.quality_of_service import BETWEEN_STAGES, LATCHED

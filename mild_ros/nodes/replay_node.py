@@ -24,9 +24,8 @@ from mild_ros.node_kit.quality_of_service import HANDLED
 from mild_ros.node_kit.running import giving_up, run
 from mild_ros.replay.events import with_ticks
 from mild_ros.replay.in_process import Inputs
-from mild_ros.replay.sending import LockStep, RealTime
+from mild_ros.replay.sending import LOOK_PERIOD_S, LockStep, RealTime, SubscriberWait
 from mild_ros.replay.topics import ReplayTopics
-from mild_ros.replay.wait_for_subscribers import LOOK_PERIOD_S, SubscriberWait
 
 
 class ReplayNode(GuardedNode):

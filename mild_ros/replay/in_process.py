@@ -10,10 +10,11 @@ from __future__ import annotations
 
 import hashlib
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import islice
 from pathlib import Path
 
 from mild_core.errors import BagError, DataError, SetupError
@@ -36,7 +37,22 @@ from mild_ros.messages.joint_state import joint_command_to_msg, joint_measuremen
 from mild_ros.messages.motion import motion_state_to_msg, motion_to_msg
 from mild_ros.messages.person import person_to_msg
 from mild_ros.replay.events import JOINT_STATES, SKELETON, TAKEN, TRUE_MOTION, Event, with_ticks
-from mild_ros.replay.foreign_joints import foreign_joints
+
+LOOKED_AT = 20
+"""Messages of which one names all joints of the robot, if it is there: drivers publish a gripper by itself."""
+
+
+def foreign_joints(bag: BagReader, wanted: Sequence[str]) -> str:
+    """Which joints the bag's joint_states name, for people, if those wanted are not among them; otherwise ""."""
+    named: list[set[str]] = []
+    for raw in islice(bag.messages(["/joint_states"]), LOOKED_AT):
+        with suppress(DataError):
+            named.append(set(map(str, bag.decode(raw).name)))
+    if not named or any(names.issuperset(wanted) for names in named):
+        return ""
+    first, *others = sorted(set().union(*named)) or ["no names"]
+    return f"{first} and {len(others)} others" if others else first
+
 
 JOINT_STATE_TYPE = "sensor_msgs/msg/JointState"
 STATIC_TRANSFORMS = "tf_static"

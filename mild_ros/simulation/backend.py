@@ -1,16 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Interface of a simulated robot, for every physics engine."""
+"""What a simulation shows and where a robot stands in it, for every physics engine."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
-
-import numpy as np
-from numpy.typing import NDArray
 
 from mild_core.retargeting.robot_model.robot import RobotModel
-from mild_core.signals import JointCommand, JointMeasurement
 
 Point = tuple[float, float, float]
 """x, y, z in the robot's base frame [m]."""
@@ -56,22 +51,3 @@ def scene_of(robot: RobotModel) -> SimulatedScene:
     """A table for a robot that needs one, and the floor."""
     floor_m = SimulatedScene.floor_m if robot.floor_m is None else robot.floor_m
     return SimulatedScene(table=robot.on_table, floor_m=floor_m)
-
-
-class SimulatedRobot(Protocol):
-    """A robot that takes commands and says where it is."""
-
-    def step(self, command: JointCommand | None, duration_s: float) -> None:
-        """Let `duration_s` pass under `command`; None keeps the command before."""
-
-    def stiffen(self, stiffness: float) -> None:
-        """Scale the motors' forces from the next command on: 1 for all they have, near 0 for almost none."""
-
-    def measure(self, stamp_ns: int) -> JointMeasurement:
-        """Where all movable joints are, the commanded ones first."""
-
-    def render(self, camera: RenderCamera) -> NDArray[np.uint8]:
-        """A picture: (height, width, 3), red, green and blue."""
-
-    def close(self) -> None:
-        """Give everything back. Calling it twice is allowed."""

@@ -101,7 +101,7 @@ def _standing(robot: RobotModel, tree: KinematicTree, moving: Collection[str]) -
 
 
 class BulletRobot:
-    """One robot on a fixed base, as `SimulatedRobot`.
+    """One robot on a fixed base, which takes commands and says where it is.
 
     Args:
         robot: What is simulated.

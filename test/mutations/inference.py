@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Faults of inference: priors, filter, smoothing, networks, mixing, recognition, novelty, rest, robot's start."""
+"""Faults of inference: priors, filter, backward pass, networks, mixing, recognition, novelty, rest, robot's start."""
 
 from __future__ import annotations
 
@@ -76,41 +76,41 @@ FAULTS = (
     Fault(
         "the last segment has to end",
         "Smoothing asks the last segment to end with the demonstration instead of leaving it open.",
-        f"{HERE}/priors/smoothing.py",
-        "        rows[:] = 1.0\n",
-        "        rows[:] = 0.0\n        rows[:, : lanes[0, 1] + 1] = 1.0\n",
+        f"{HERE}/priors/semi_markov_chain.py",
+        "ahead, after, rest = np.ones(durations.shape), np.ones(components)",
+        "ahead, after, rest = np.zeros(durations.shape), np.ones(components)",
         PRIORS,
     ),
     Fault(
         "expected changes by the row of the next component",
         "Expected transitions are counted from the component that is entered to the one that is left.",
-        f"{HERE}/priors/smoothing.py",
-        "store(changes, (i, j), load(changes, (i, j)) + left * load(rest, (j,)))",
-        "store(changes, (j, i), load(changes, (j, i)) + left * load(rest, (j,)))",
-        PRIORS,
-    ),
-    Fault(
-        "one demonstration counted once per empty lane",
-        "Lanes that are left over count the first demonstration again.",
-        f"{HERE}/priors/smoothing.py",
-        "lanes[lane, 1] if counts_here else 0.0",
-        "lanes[lane, 1]",
-        PRIORS,
-    ),
-    Fault(
-        "durations that last longer, exclusive",
-        "A segment that is seen up to a frame must last at least one frame more.",
         f"{HERE}/priors/semi_markov_chain.py",
-        "durations[:, ::-1].cumsum(axis=1)[:, ::-1].copy()",
-        "(durations[:, ::-1].cumsum(axis=1)[:, ::-1] - durations)",
+        "changes[i, j] += leaving[t - 1, i] * rest[j]",
+        "changes[j, i] += leaving[t - 1, i] * rest[j]",
+        PRIORS,
+    ),
+    Fault(
+        "components stay occupied when a segment ends",
+        "Smoothed beliefs add up the starts of segments and never take off their ends.",
+        f"{HERE}/priors/semi_markov_chain.py",
+        "occupied = responsibilities[t, j] - leaving[t, j]",
+        "occupied = responsibilities[t, j]",
+        PRIORS,
+    ),
+    Fault(
+        "a demonstration goes on from the one before",
+        "The chain of a demonstration does not start by its start probabilities: any component may have lasted before.",
+        f"{HERE}/priors/semi_markov_chain.py",
+        "run_filter(chain, log_emissions[first:stop], lowest=-np.inf)",
+        "run_filter(chain, log_emissions[first:stop], np.ones_like(chain.durations), lowest=-np.inf)",
         PRIORS,
     ),
     Fault(
         "counts of durations not weighed by the durations",
         "The expected number of segments of each length ignores how likely that length is.",
         f"{HERE}/priors/semi_markov_chain.py",
-        "lasts.sum(axis=2) * durations)",
-        "lasts.sum(axis=2))",
+        "lasts * chain.durations)",
+        "lasts)",
         PRIORS,
     ),
     Fault(
@@ -172,26 +172,10 @@ FAULTS = (
     Fault(
         "a belief that forgets its memory",
         "The online filter restarts at every frame.",
-        f"{HERE}/priors/prior.py",
-        "memory = belief.memory.copy() if belief.started else None",
-        "memory = None",
-        PRIORS,
-    ),
-    Fault(
-        "mixture without the spread of its means",
-        "The covariance of a mixture ignores how far its components lie apart.",
-        f"{HERE}/gaussian.py",
-        "components.covariance + spread[..., :, None] * spread[..., None, :]",
-        "components.covariance + 0.0 * spread[..., :, None] * spread[..., None, :]",
-        (f"{TESTS}/test_gaussian.py",),
-    ),
-    Fault(
-        "divergence the other way round",
-        "KL(second || first) in place of KL(first || second).",
-        f"{HERE}/gaussian.py",
-        "np.linalg.slogdet(second.covariance)[1] - np.linalg.slogdet(first.covariance)[1]",
-        "np.linalg.slogdet(first.covariance)[1] - np.linalg.slogdet(second.covariance)[1]",
-        (f"{TESTS}/test_gaussian.py",),
+        f"{HERE}/member.py",
+        "context_memory.copy(), memory.copy(), np.empty(0, dtype=np.float32)",
+        "context_memory.copy(), np.zeros_like(memory), np.empty(0, dtype=np.float32)",
+        (f"{TESTS}/test_stage.py",),
     ),
     Fault(
         "posterior from the upper triangle",

@@ -49,11 +49,11 @@ FAULTS = (
         OBJECTIVE,
     ),
     Fault(
-        "unit divergence without the determinant's sign",
-        "A wide posterior is nearer to the unit Gaussian than a narrow one.",
+        "unit divergence from a narrower Gaussian",
+        "Before there is a prior the posteriors are drawn to less than the unit Gaussian.",
         f"{HERE}/training/objective.py",
-        "0.5 * (square - size) - torch.log(diagonal).sum(-1)",
-        "0.5 * (square - size) + torch.log(diagonal).sum(-1)",
+        "torch.zeros(size), torch.eye(size), torch.zeros(())",
+        "torch.zeros(size), 2.0 * torch.eye(size), torch.zeros(())",
         OBJECTIVE,
     ),
     Fault(

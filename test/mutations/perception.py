@@ -156,7 +156,7 @@ FAULTS = (
     Fault(
         "one stretched bone is another person",
         "One bone that is too long for long is taken for another person's.",
-        f"{HERE}/bone_fit.py",
+        f"{HERE}/arm.py",
         "min(ratios) > 1.0 + tolerance",
         "max(ratios) > 1.0 + tolerance",
         TESTS,

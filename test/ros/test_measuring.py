@@ -8,7 +8,7 @@ from std_msgs.msg import Header
 
 from mild_ros.messages.stamps import time_to_msg
 from mild_ros.node_kit.clock import ControlGrid
-from mild_ros.node_kit.measuring import Spread, Stream
+from mild_ros.node_kit.diagnostics import Spread, Stream
 from mild_ros.replay.pairing import StampPairs
 
 MS = 1_000_000

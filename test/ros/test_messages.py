@@ -25,7 +25,6 @@ from mild_core.signals import (
 )
 from mild_ros.bag.encoding import encode, type_name_of
 from mild_ros.bag.reader import jazzy_types
-from mild_ros.messages.belief import belief_to_msg
 from mild_ros.messages.feature_window import feature_window_from_msg, feature_window_to_msg
 from mild_ros.messages.handled import Handled, handled_from_msg, handled_to_msg
 from mild_ros.messages.joint_state import (
@@ -34,7 +33,7 @@ from mild_ros.messages.joint_state import (
     joint_measurement_from_msg,
     joint_measurement_to_msg,
 )
-from mild_ros.messages.motion import motion_from_msgs, motion_state_to_msg, motion_to_msg, motion_type
+from mild_ros.messages.motion import belief_to_msg, motion_from_msgs, motion_state_to_msg, motion_to_msg, motion_type
 from mild_ros.messages.person import FIELDS, MOST_SEGMENTS, POINTS, person_from_msg, person_to_msg
 from mild_ros.messages.point_cloud import array_from_msg, array_to_msg
 from mild_ros.messages.stamps import duration_to_msg, ns_from_msg, time_to_msg

@@ -77,6 +77,40 @@ def whiten_rows(block: FloatArray, reciprocals: FloatArray) -> None:
 
 
 @compiled
+def explain_component(
+    means: FloatArray,
+    covariances: FloatArray,
+    observed: tuple[FloatArray, FloatArray],
+    block: FloatArray,
+    whitened: FloatArray,
+    reciprocals: FloatArray,
+) -> tuple[float, float]:
+    """Explain one observed latent by one component: one Cholesky factor serves density and conditioning.
+
+    Args:
+        means: (Z,) observed dimensions first.
+        covariances: (Z, Z).
+        observed: Posterior mean (Q,) of the encoder and its covariance (Q, Q), which widens the observed block.
+        block: (Z, Q) filled: above, in its lower triangle, the factor L of the widened block; below it the
+            covariance of the controlled dimensions with the observed ones, times L^-T.
+        whitened: (Q,) filled with L^-1 (observed - mean).
+        reciprocals: (Q,) filled with those of L's diagonal.
+
+    Returns:
+        log N(observed; mean, covariance) of the observed block, and the squared Mahalanobis distance in it.
+    """
+    latent, widening = observed
+    size = latent.shape[0]
+    for row in range(means.shape[0]):
+        for column in range(size):
+            block[row, column] = covariances[row, column] + (widening[row, column] if row < size else 0.0)
+    log_determinant = factorise(block, size, reciprocals)
+    distance = whiten(block, reciprocals, latent, means, whitened)
+    whiten_rows(block, reciprocals)
+    return -0.5 * (size * LOG_TWO_PI + distance) - log_determinant, distance
+
+
+@compiled
 def observe_frame(
     components: tuple[FloatArray, FloatArray],
     observed: tuple[FloatArray, FloatArray],
@@ -95,23 +129,15 @@ def observe_frame(
         conditioned_means: (K, Z - Q) filled.
         conditioned_covariances: (K, Z - Q, Z - Q) filled; an array of length 0 leaves them out.
 
-    Source: eq. 8 of MILD with the sign corrected, see `mild_core/README.md`. One Cholesky factor serves
-        density and conditioning.
+    Source: eq. 8 of MILD with the sign corrected, see `mild_core/README.md`.
     """
     means, covariances = components
-    latent, widening = observed
     count, total = means.shape
-    size = latent.shape[0]
+    size = observed[0].shape[0]
     block, whitened, reciprocals = np.empty((total, size)), np.empty(size), np.empty(size)
     for j in range(count):
-        for row in range(total):
-            for column in range(size):
-                block[row, column] = covariances[j, row, column] + (widening[row, column] if row < size else 0.0)
-        log_determinant = factorise(block, size, reciprocals)
-        distance = whiten(block, reciprocals, latent, means[j], whitened)
-        log_emission[j] = -0.5 * (size * LOG_TWO_PI + distance) - log_determinant
+        log_emission[j], distance = explain_component(means[j], covariances[j], observed, block, whitened, reciprocals)
         distances[j] = np.sqrt(distance)
-        whiten_rows(block, reciprocals)
         for row in range(size, total):
             value = means[j, row]
             for k in range(size):
@@ -126,22 +152,6 @@ def observe_frame(
                     value -= block[row, k] * block[column, k]
                 conditioned_covariances[j, row - size, column - size] = value
                 conditioned_covariances[j, column - size, row - size] = value
-
-
-@compiled
-def observe_frames(
-    components: tuple[FloatArray, FloatArray],
-    observed: tuple[FloatArray, FloatArray],
-    log_emissions: FloatArray,
-    conditioned_means: FloatArray,
-) -> None:
-    """`observe_frame` for (T, Q) latents with (T, Q, Q) covariances, without conditioned covariances."""
-    means, _ = components
-    latents, widenings = observed
-    distances, nothing = np.empty(means.shape[0]), np.empty((0, 0, 0))
-    for t in range(latents.shape[0]):
-        frame = (latents[t], widenings[t])
-        observe_frame(components, frame, log_emissions[t], distances, conditioned_means[t], nothing)
 
 
 @compiled

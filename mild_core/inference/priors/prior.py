@@ -14,17 +14,15 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from mild_core.inference.gaussian import Gaussian, mixture_moments
-from mild_core.inference.priors.belief import Belief, ComponentPosteriors, Filtered
+from mild_core.inference.gaussian import Gaussian
 from mild_core.inference.priors.demonstrations import LatentFrames, estimate_components, latent_frames, log_emissions
-from mild_core.inference.priors.filtering import UNDERFLOW, observe_frame, observe_frames
+from mild_core.inference.priors.filtering import observe_frame
 from mild_core.inference.priors.semi_markov_chain import (
     ChainCounts,
     ChainExpectation,
     SemiMarkovChain,
     component_probabilities,
     expect,
-    run_filter,
 )
 from mild_core.shapes import FloatArray, read_only, require_shape
 
@@ -49,6 +47,21 @@ class FitSettings:
     duration_floor: float = 0.01
     duration_spread: float = 0.2
     pseudo_count: float = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class ComponentPosteriors:
+    """One observed latent as each component sees it, whatever was before.
+
+    Attributes:
+        log_emissions: (K,) log-densities of the observed block.
+        distances: (K,) Mahalanobis distances in it.
+        conditioned: (K,) Gaussians over the controlled latent, given the observed one.
+    """
+
+    log_emissions: FloatArray
+    distances: FloatArray
+    conditioned: Gaussian
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,11 +174,6 @@ class Prior(ABC):
         """C = Z - Q."""
         return int(self.components.mean.shape[1]) - self.observed_size
 
-    def initial_belief(self) -> Belief:
-        """The belief before the first frame."""
-        memory = np.zeros((self.chain.components, self.chain.longest))
-        return Belief(self.chain.initial, memory, False, 0.0, True)
-
     def explain(self, observed: FloatArray, observed_covariance: FloatArray | None = None) -> ComponentPosteriors:
         """What each component says of one observed latent and expects of the controlled one.
 
@@ -187,55 +195,6 @@ class Prior(ABC):
         observe_frame(gaussians, (latent, widening), log_emissions, distances, means, covariances)
         means.flags.writeable = covariances.flags.writeable = False
         return ComponentPosteriors(log_emissions, distances, Gaussian(means, covariances))
-
-    def update(self, belief: Belief, observed: FloatArray, observed_covariance: FloatArray | None = None) -> Belief:
-        """The belief after one more frame, in O(K D + K^2).
-
-        Args:
-            belief: After the frames before.
-            observed: (Q,) latent of the observed agent.
-            observed_covariance: (Q, Q) of the encoder; widens the observed block. None: exact.
-
-        Source: eq. 6 of MILD with explicit durations, see `mild_core/README.md`.
-        """
-        log_emissions = self.explain(observed, observed_covariance).log_emissions[None]
-        memory = belief.memory.copy() if belief.started else None
-        after = run_filter(self.chain, log_emissions, memory)
-        log_likelihood = float(after.log_likelihoods[0])
-        after.memory.flags.writeable = after.weights.flags.writeable = False
-        return Belief(after.weights[0], after.memory, True, log_likelihood, log_likelihood > UNDERFLOW)
-
-    def filter(self, observed: FloatArray, observed_covariances: FloatArray | None = None) -> Filtered:
-        """`update` over a whole recording at once, for learning and evaluation.
-
-        Args:
-            observed: (T, Q).
-            observed_covariances: (T, Q, Q); None: exact.
-        """
-        frames = len(observed)
-        require_shape("observed", observed, (None, self.observed_size))
-        if observed_covariances is None:
-            observed_covariances = np.zeros((frames, self.observed_size, self.observed_size))
-        emissions = np.empty((frames, self.chain.components))
-        conditioned = np.empty((frames, self.chain.components, self.controlled_size))
-        latents = np.ascontiguousarray(observed, dtype=np.float64)
-        widenings = np.ascontiguousarray(observed_covariances, dtype=np.float64)
-        gaussians = (self.components.mean, self.components.covariance)
-        observe_frames(gaussians, (latents, widenings), emissions, conditioned)
-        after = run_filter(self.chain, emissions)
-        return Filtered(after.weights, after.log_likelihoods, conditioned)
-
-    def condition(
-        self, belief: Belief, observed: FloatArray, observed_covariance: FloatArray | None = None
-    ) -> Gaussian:
-        """The controlled agent's latent: each component conditioned on the observed one, mixed by the belief.
-
-        Returns:
-            Over Z - Q dimensions.
-
-        Source: eqs. 7 and 8 of MILD, corrected, with the moments of the mixture; see `mild_core/README.md`.
-        """
-        return mixture_moments(belief.weights, self.explain(observed, observed_covariance).conditioned)
 
     def component_path(self, frames: int) -> list[int]:
         """The likeliest component of each of T frames when nothing is observed: the paper's prior of frame t.

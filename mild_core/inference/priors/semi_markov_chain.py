@@ -8,10 +8,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mild_core.compiled import compiled, compiled_in_any_order
 from mild_core.inference.priors.filtering import UNDERFLOW, filter_frames
-from mild_core.inference.priors.lanes import LANES
-from mild_core.inference.priors.smoothing import below_largest, expect_demonstrations
 from mild_core.shapes import FloatArray, read_only, require_shape
+
+CEILING = 1e200
+"""Bound of the backward values. Only states of no forward mass come near it; beyond it they would turn into NaN."""
+
+VANISHED = 1e-290
+"""Smaller values are zero: there arithmetic takes a hundred times as long, and nothing depends on them."""
+
+Parameters = tuple[FloatArray, FloatArray, FloatArray]
+"""Of a chain: start probabilities (K,), transitions (K, K), durations (K, D)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +48,11 @@ class SemiMarkovChain:
                 raise ValueError(f"{name} holds something that is no probability")
             if abs(array.sum(axis=-1) - 1.0).max() > 1e-6:
                 raise ValueError(f"{name} does not sum to one")
+
+    @property
+    def parameters(self) -> Parameters:
+        """All three, for compiled functions."""
+        return self.initial, self.transitions, self.durations
 
     @property
     def components(self) -> int:
@@ -89,6 +102,82 @@ def normalise_rows(counts: FloatArray, otherwise: FloatArray) -> FloatArray:
     return result
 
 
+@compiled_in_any_order
+def pass_back(ahead: FloatArray, ending: float, emission: float) -> None:
+    """Let one frame pass backward: what was ahead of `r` frames left is ahead of one more, `ending` of the last.
+
+    Args:
+        ahead: (D,) of a component by the frames left, changed in place. All of it is multiplied by `emission`.
+        ending: Of a segment that ends with this frame.
+        emission: Density of this frame, divided by its likelihood.
+    """
+    least = VANISHED / max(emission, VANISHED)  # what would vanish does so before it is multiplied
+    for r in range(ahead.shape[0] - 1, 0, -1):
+        value = ahead[r - 1] if ahead[r - 1] > least else 0.0
+        ahead[r] = min(value * emission, CEILING)
+    ahead[0] = min(ending * emission, CEILING)
+
+
+@compiled_in_any_order
+def add_starts(share: float, durations: FloatArray, ahead: FloatArray, lasts: FloatArray) -> float:
+    """Add to `lasts` (D,) the segments that start at a frame, by their durations (D,), each divided by its own.
+
+    Returns:
+        Likelihood of the frame and all after it, given that a segment starts with it.
+    """
+    rest = 0.0
+    for r in range(ahead.shape[0]):
+        rest += durations[r] * ahead[r]
+        lasts[r] += share * ahead[r]
+    return rest
+
+
+@compiled
+def backward_frames(
+    chain: Parameters,
+    events: tuple[FloatArray, FloatArray, FloatArray],
+    counts: tuple[FloatArray, FloatArray],
+    responsibilities: FloatArray,
+) -> None:
+    """The backward pass over one demonstration: its expected events, and its components at every frame.
+
+    Nothing is asked of what comes after the last frame: the last segment may go on unseen.
+
+    Args:
+        chain: The current estimate.
+        events: Of `filter_frames` over the whole demonstration. The first two are replaced by the probabilities that
+            a segment starts with a frame and that one ends with it, given all frames.
+        counts: Get what is expected added, each divided by its probability in the chain: segments that follow one
+            another (K, K), from row to column, and that start here by their durations (K, D).
+        responsibilities: (T, K) filled: the starts so far less the ends before, which spares keeping all T K D forward
+            values.
+
+    Source: S.-Z. Yu, "Hidden semi-Markov models", Artificial Intelligence 174 (2010).
+    """
+    _, transitions, durations = chain
+    entering, leaving, emissions = events
+    changes, lasts = counts
+    frames, components = emissions.shape
+    ahead, after, rest = np.ones(durations.shape), np.ones(components), np.empty(components)
+    for t in range(frames - 1, -1, -1):
+        for j in range(components):
+            pass_back(ahead[j], after[j], emissions[t, j])
+            rest[j] = min(add_starts(entering[t, j], durations[j], ahead[j], lasts[j]), CEILING)
+            entering[t, j] *= rest[j]
+        for i in range(components if t > 0 else 0):
+            after[i] = 0.0
+            for j in range(components):
+                after[i] += transitions[i, j] * rest[j]
+                changes[i, j] += leaving[t - 1, i] * rest[j]
+            after[i] = min(after[i], CEILING)
+            leaving[t - 1, i] *= after[i]
+    for j in range(components):
+        occupied = 0.0
+        for t in range(frames):
+            responsibilities[t, j] = max(occupied + entering[t, j], 0.0)
+            occupied = responsibilities[t, j] - leaving[t, j]
+
+
 def expect(chain: SemiMarkovChain, log_emissions: FloatArray, lengths: Sequence[int]) -> ChainExpectation:
     """Forward-backward over each demonstration on its own: no segment runs from one into the next.
 
@@ -103,18 +192,16 @@ def expect(chain: SemiMarkovChain, log_emissions: FloatArray, lengths: Sequence[
     Source: explicit-duration forward pass; Yu (2010), section 2.2.
     """
     require_shape("log_emissions", log_emissions, (sum(lengths), chain.components))
-    responsibilities, largest = np.empty_like(log_emissions), np.empty(len(log_emissions))
-    below_largest(log_emissions, largest, responsibilities)
-    np.exp(responsibilities, out=responsibilities)  # the densities, until they are replaced
-    sizes = np.array(lengths, np.int64)
-    order = np.argsort(-sizes, kind="stable")[: np.count_nonzero(sizes)]
-    demonstrations = np.stack([np.cumsum(sizes) - sizes, sizes], axis=1)[order]
-    initial, transitions, durations = chain.initial, chain.transitions, chain.durations
-    parts = (initial, transitions, durations, durations[:, ::-1].cumsum(axis=1)[:, ::-1].copy())
-    starting, changes, lasts = np.zeros(initial.shape), *(np.zeros((*a.shape, LANES)) for a in (transitions, durations))
-    counted = (starting, changes, lasts)
-    log_likelihood = expect_demonstrations((log_emissions, largest), demonstrations, parts, responsibilities, counted)
-    counts = ChainCounts(starting, changes.sum(axis=2) * transitions, lasts.sum(axis=2) * durations)
+    responsibilities, log_likelihood = np.empty_like(log_emissions), 0.0
+    starting, changes, lasts = (np.zeros_like(part) for part in (chain.initial, chain.transitions, chain.durations))
+    ends = np.cumsum(lengths)
+    for first, stop in zip(ends - lengths, ends, strict=True):
+        if stop > first:
+            forward = run_filter(chain, log_emissions[first:stop], lowest=-np.inf)
+            backward_frames(chain.parameters, forward.events, (changes, lasts), responsibilities[first:stop])
+            log_likelihood += float(forward.log_likelihoods.sum())
+            starting += responsibilities[first]
+    counts = ChainCounts(starting, changes * chain.transitions, lasts * chain.durations)
     return ChainExpectation(responsibilities, counts, log_likelihood)
 
 
@@ -125,18 +212,20 @@ class ForwardPass:
     memory: FloatArray
     weights: FloatArray
     log_likelihoods: FloatArray
+    events: tuple[FloatArray, FloatArray, FloatArray]
 
 
-def run_filter(chain: SemiMarkovChain, log_emissions: FloatArray, memory: FloatArray | None = None) -> ForwardPass:
+def run_filter(
+    chain: SemiMarkovChain, log_emissions: FloatArray, memory: FloatArray | None = None, lowest: float = UNDERFLOW
+) -> ForwardPass:
     """Filter frames with log-densities (T, K), on from `memory` (K, D), changed in place, or from the start."""
     first = memory is None
     if memory is None:
         memory = np.zeros((chain.components, chain.longest))
     weights, log_likelihoods = np.empty_like(log_emissions), np.empty(len(log_emissions))
     events = (np.empty_like(weights), np.empty_like(weights), np.empty_like(weights))
-    parts = (chain.initial, chain.transitions, chain.durations)
-    filter_frames(log_emissions, memory, first, parts, UNDERFLOW, weights, log_likelihoods, events)
-    return ForwardPass(memory, weights, log_likelihoods)
+    filter_frames(log_emissions, memory, first, chain.parameters, lowest, weights, log_likelihoods, events)
+    return ForwardPass(memory, weights, log_likelihoods, events)
 
 
 def component_probabilities(chain: SemiMarkovChain, frames: int) -> FloatArray:

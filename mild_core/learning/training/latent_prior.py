@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from mild_core.compiled import compiled
-from mild_core.inference.gaussian import LOG_TWO_PI
+from mild_core.inference.priors.filtering import explain_component
 from mild_core.inference.priors.prior import Prior
 from mild_core.inference.priors.semi_markov_chain import run_filter
 from mild_core.learning.training.vae import Posterior
@@ -40,40 +40,35 @@ def explain_windows(
         log_emissions: (M, K) filled.
         gains: (M, K, Z - Q, Q) filled.
 
-    Source: eq. 8 of MILD as mild_core/README.md corrects it. A Cholesky factor by hand: these systems are far too
-    small for a library call.
+    Source: eq. 8 of MILD as mild_core/README.md corrects it.
     """
     means, covariances = components
     (windows, size), total = observed.shape, means.shape[2]
-    block, whitened = np.empty((total, size)), np.empty(size)
+    block, whitened, reciprocals = np.empty((total, size)), np.empty(size), np.empty(size)
     for n in range(windows):
         for j in range(means.shape[1]):
-            for row in range(total):
-                for column in range(size):
-                    block[row, column] = covariances[labels[n], j, row, column]
-                    if row < size:
-                        block[row, column] += widening[n, row, column]
-            for row in range(total):
-                for column in range(min(row + 1, size)):
-                    value = block[row, column]
-                    for k in range(column):
-                        value -= block[row, k] * block[column, k]
-                    block[row, column] = np.sqrt(value) if row == column else value / block[column, column]
-            log_density = -0.5 * size * LOG_TWO_PI
-            for row in range(size):
-                value = observed[n, row] - means[labels[n], j, row]
-                for k in range(row):
-                    value -= block[row, k] * whitened[k]
-                whitened[row] = value / block[row, row]
-                log_density -= 0.5 * whitened[row] ** 2 + np.log(block[row, row])
-            log_emissions[n, j] = log_density
-            for row in range(size, total):
+            mean, covariance, latent = means[labels[n], j], covariances[labels[n], j], (observed[n], widening[n])
+            log_emissions[n, j], _ = explain_component(mean, covariance, latent, block, whitened, reciprocals)
+            for row in range(size, total):  # times L^-1, as it is times L^-T already
                 for column in range(size - 1, -1, -1):
                     value = block[row, column]
                     for k in range(column + 1, size):
                         value -= block[row, k] * block[k, column]
-                    block[row, column] = value / block[column, column]
+                    block[row, column] = value * reciprocals[column]
                     gains[n, j, row - size, column] = block[row, column]
+
+
+def divergence(posterior: Posterior, mean: Tensor, precision: Tensor, log_determinant: Tensor) -> Tensor:
+    """(M,) KL(posterior || prior) in nats, the prior a Gaussian or one for each of the M posteriors.
+
+    Source: the regulariser of eq. 3 of MILD, in closed form.
+    """
+    difference = posterior.mean - mean
+    distance = (difference * (precision @ difference[..., None])[..., 0]).sum(-1)
+    trace = (precision * posterior.covariance).sum((-1, -2))
+    diagonal = torch.diagonal(posterior.factor, dim1=-2, dim2=-1)
+    log_ratio = log_determinant - 2.0 * torch.log(diagonal).sum(-1)
+    return 0.5 * (trace + distance - posterior.mean.shape[-1] + log_ratio)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,17 +86,9 @@ class BlockPrior:
     log_determinant: Tensor
 
     def divergence(self, posterior: Posterior, label: Tensor, component: Tensor) -> Tensor:
-        """(M,) KL(posterior || component) in nats; `label` and `component` are (M,).
-
-        Source: eq. 3 of MILD.
-        """
-        precision = self.precision[label, component]
-        difference = posterior.mean - self.mean[label, component]
-        distance = (difference * (precision @ difference[..., None])[..., 0]).sum(-1)
-        trace = (precision * posterior.covariance).sum((-1, -2))
-        diagonal = torch.diagonal(posterior.factor, dim1=-2, dim2=-1)
-        log_ratio = self.log_determinant[label, component] - 2.0 * torch.log(diagonal).sum(-1)
-        return 0.5 * (trace + distance - posterior.mean.shape[-1] + log_ratio)
+        """(M,) KL(posterior || component) in nats; `label` and `component` are (M,)."""
+        place = (label, component)
+        return divergence(posterior, self.mean[place], self.precision[place], self.log_determinant[place])
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,15 +3,16 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import torch
+from scipy.cluster.vq import kmeans2  # type: ignore[import-untyped]  # scipy brings no types
 from torch.nn import functional
 
 from mild_core.inference.novelty_detector import NoveltyDetector
-from mild_core.learning.data.clusters import clusters
 from mild_core.learning.data.coordinates import principal_coordinates
 from mild_core.learning.data.demonstration import Demonstration
 from mild_core.learning.data.folds import Fold, folds_of
@@ -24,8 +25,8 @@ from mild_core.shapes import FloatArray
 FEATURES, WHITENING = 20, 0.5
 """Principal components of the human's window in which distances are taken, and how much their deviations differ."""
 
-CENTRES, LEAST_WINDOWS = 64, 10
-"""Clusters of an interaction at most, and windows for one of them at least, on average."""
+CENTRES, LEAST_WINDOWS, ITERATIONS = 64, 10, 30
+"""Clusters of an interaction at most, windows for one of them at least, on average, and steps to find them."""
 
 WINDOWS_PER_S = 10.0
 """That are clustered: neighbours are almost equal."""
@@ -101,9 +102,19 @@ def clustered(
     centres = []
     for parts in windows.values():
         points = np.concatenate(parts) @ weight + bias
-        centres.append(clusters(points, max(1, min(CENTRES, len(points) // LEAST_WINDOWS)), rng))
+        centres.append(centres_of(points, max(1, min(CENTRES, len(points) // LEAST_WINDOWS)), rng))
     owners = np.repeat(np.arange(len(centres)), [len(found) for found in centres]).astype(np.float64)
     return NoveltyDetector(weight, bias, np.concatenate(centres), owners, 1.0, KEPT_PER_S ** (1.0 / rate_hz))
+
+
+def centres_of(points: FloatArray, count: int, rng: np.random.Generator) -> FloatArray:
+    """(M, F) means of clusters of points (N, F), none of them recorded: `count`, or fewer where fewer points differ."""
+    different = np.unique(points, axis=0)
+    if len(different) <= count:  # a person who stands perfectly still
+        return different
+    with warnings.catch_warnings(action="ignore", category=UserWarning):  # of a cluster that keeps no point
+        centres: FloatArray = kmeans2(points, count, iter=ITERATIONS, minit="++", seed=rng)[0]
+    return centres
 
 
 def latent_radius(member: TrainedMember, corpus: Corpus, stride: int, seed: int) -> FloatArray:

@@ -12,7 +12,7 @@ from torch.nn import functional
 
 from mild_core.learning.data.coordinates import Coordinates
 from mild_core.learning.training.corpus import WindowBatch
-from mild_core.learning.training.latent_prior import LatentPrior
+from mild_core.learning.training.latent_prior import LatentPrior, divergence
 from mild_core.learning.training.settings import LossWeights, TrainingSettings
 from mild_core.learning.training.vae import MemberNetworks, Posterior
 
@@ -133,16 +133,9 @@ class Objective:
         self, posterior: Posterior, prior: LatentPrior | None, batch: WindowBatch, observed: bool
     ) -> Tensor:
         if prior is None:
-            return _divergence_from_unit(posterior).mean()
+            size = posterior.mean.shape[-1]
+            return divergence(posterior, torch.zeros(size), torch.eye(size), torch.zeros(())).mean()
         trial, number = batch.places
         label, step = batch.label[trial], (batch.first + number * self.settings.gradient_stride) // self.settings.stride
         block = prior.observed if observed else prior.controlled
         return block.divergence(posterior, label, prior.path[label, step]).mean()
-
-
-def _divergence_from_unit(posterior: Posterior) -> Tensor:
-    """KL(posterior || N(0, I))."""
-    diagonal = torch.diagonal(posterior.factor, dim1=-2, dim2=-1)
-    size = posterior.mean.shape[-1]
-    square = posterior.mean.square().sum(-1) + posterior.factor.square().sum((-1, -2))
-    return 0.5 * (square - size) - torch.log(diagonal).sum(-1)

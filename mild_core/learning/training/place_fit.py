@@ -43,7 +43,6 @@ class FittedPlace:
         by_interaction: (3,) a place for each interaction in which hands touch: people stepped about between them.
         arm_lengths_m: Upper arm and forearm of the person for whom this holds.
         distance_m: Mean distance of hand and tool during contact over the trials of each interaction, from its place.
-        shared_distance_m: The same from the one place.
     """
 
     yaw_rad: float
@@ -51,7 +50,6 @@ class FittedPlace:
     by_interaction: Mapping[str, FloatArray]
     arm_lengths_m: tuple[float, float]
     distance_m: Mapping[str, float]
-    shared_distance_m: Mapping[str, float]
 
     def placement(self) -> HumanPlacement:
         """The same for a model's manifest, to 0.1 mm."""
@@ -137,16 +135,10 @@ def fit_contact(
         raise DatasetError("contact", f"no trial of {missing or 'any interaction'}", "give trials in which hands touch")
     places = {name: _places(groups[name], robot, arm_lengths_m, yaw_rad) for name in interactions}
     own = {name: np.median(place, axis=0) for name, place in places.items()}
-    shared = np.mean(list(own.values()), axis=0)
     return FittedPlace(
         yaw_rad=yaw_rad,
-        translation_m=shared,
+        translation_m=np.mean(list(own.values()), axis=0),
         by_interaction=own,
         arm_lengths_m=arm_lengths_m,
-        distance_m={name: _mean_distance(place, own[name]) for name, place in places.items()},
-        shared_distance_m={name: _mean_distance(place, shared) for name, place in places.items()},
+        distance_m={name: float(np.linalg.norm(place - own[name], axis=1).mean()) for name, place in places.items()},
     )
-
-
-def _mean_distance(places: FloatArray, place: FloatArray) -> float:
-    return float(np.linalg.norm(places - place, axis=1).mean())

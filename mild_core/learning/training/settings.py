@@ -228,8 +228,7 @@ class TrainingSettings:
         observed_share: The first share of the epochs trains the human's networks alone; then the robot's start from
             the human's hidden layers of equal size.
         batch_trials: Trials (or augmented copies) for one step of the optimiser.
-        learning_rate: Of AdamW.
-        decaying: Whether the rate warms up over ten epochs and then falls to zero like a cosine.
+        learning_rate: Of AdamW; it warms up over ten epochs and then falls to zero like a cosine.
         weight_decay: Of AdamW.
         largest_gradient: The norm of the gradient is cut to this.
         dropout: Share of the values dropped in the context, encoder and residual networks.
@@ -257,7 +256,6 @@ class TrainingSettings:
     observed_share: float = 0.0
     batch_trials: int = 16
     learning_rate: float = 4.5e-3
-    decaying: bool = True
     weight_decay: float = 1e-2
     largest_gradient: float = 1.0
     dropout: float = 0.3
@@ -288,7 +286,5 @@ class TrainingSettings:
 
     def learning_rate_in(self, epoch: int) -> float:
         """That of the optimiser in an epoch, counted from 0."""
-        if not self.decaying:
-            return self.learning_rate
         falling = 0.5 * (1.0 + math.cos(math.pi * epoch / self.epochs)) + LEAST_RATE
         return self.learning_rate * (min(1.0, (epoch + 1) / WARM_UP_EPOCHS) * falling)

@@ -6,7 +6,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mild_core.inference.gaussian import Gaussian, condition, kl_divergence, log_density, mixture_moments
+from mild_core.inference.gaussian import Gaussian
+from test.core.inference.oracles import condition, kl_divergence, log_density, mixture_moments
 
 EXACT = 1e-10  # A dozen operations on well-conditioned 5 x 5 matrices.
 

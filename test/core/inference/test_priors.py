@@ -6,10 +6,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mild_core.inference.gaussian import Gaussian, condition, log_density, mixture_moments
+from mild_core.inference.gaussian import Gaussian
 from mild_core.inference.priors import GMM, HSMM, PRIORS
 from mild_core.inference.priors.prior import FitSettings
 from mild_core.inference.priors.semi_markov_chain import SemiMarkovChain
+from test.core.inference.oracles import condition, initial_belief, log_density, mixed, mixture_moments, update
 
 PLAIN = FitSettings(
     iterations=25, tolerance=0.0, covariance_fraction=0.0, duration_floor=0.0, duration_spread=0.0, pseudo_count=0.0
@@ -46,12 +47,12 @@ def fitted(kind: str, settings: FitSettings | None = None, components: int = 4):
 @EVERY_PRIOR
 def test_belief_is_a_distribution_and_the_state_is_a_value(kind):
     prior = fitted(kind)
-    belief = prior.initial_belief()
+    belief = initial_belief(prior)
     observed = demonstrations(1)[0][:, :OBSERVED]
     for frame in observed:
         before = belief.weights.copy(), belief.memory.copy()
-        after = prior.update(belief, frame, 0.01 * np.eye(OBSERVED))
-        again = prior.update(belief, frame, 0.01 * np.eye(OBSERVED))
+        after = update(prior, belief, frame, 0.01 * np.eye(OBSERVED))
+        again = update(prior, belief, frame, 0.01 * np.eye(OBSERVED))
         np.testing.assert_array_equal(after.weights, again.weights)
         np.testing.assert_array_equal(belief.weights, before[0])
         np.testing.assert_array_equal(belief.memory, before[1])
@@ -66,26 +67,12 @@ def test_belief_is_a_distribution_and_the_state_is_a_value(kind):
 
 
 @EVERY_PRIOR
-def test_a_whole_recording_is_filtered_as_frame_by_frame(kind):
-    prior = fitted(kind)
-    observed = demonstrations(2)[0][:40, :OBSERVED]
-    covariances = np.einsum("t,ab->tab", np.linspace(0.01, 0.2, 40), np.eye(OBSERVED))
-    whole, belief = prior.filter(observed, covariances), prior.initial_belief()
-    for t in range(40):
-        belief = prior.update(belief, observed[t], covariances[t])
-        np.testing.assert_array_equal(whole.weights[t], belief.weights)
-        assert whole.log_likelihoods[t] == belief.log_likelihood
-        mixed = belief.weights @ whole.conditioned_means[t]
-        np.testing.assert_allclose(mixed, prior.condition(belief, observed[t], covariances[t]).mean, atol=EXACT)
-
-
-@EVERY_PRIOR
 def test_first_frame_weighs_the_start_by_the_widened_observed_block(kind):
     prior = fitted(kind)
     frame, noise = demonstrations(3)[0][0, :OBSERVED], 0.05 * np.eye(OBSERVED)
     block = prior.components.covariance[:, :OBSERVED, :OBSERVED] + noise
     joint = prior.chain.initial * np.exp(log_density(Gaussian(prior.components.mean[:, :OBSERVED], block), frame))
-    belief = prior.update(prior.initial_belief(), frame, noise)
+    belief = update(prior, initial_belief(prior), frame, noise)
     np.testing.assert_allclose(belief.weights, joint / joint.sum(), atol=EXACT)
     assert belief.log_likelihood == pytest.approx(np.log(joint.sum()), abs=EXACT)
 
@@ -126,9 +113,9 @@ def test_a_component_explains_a_frame_by_its_widened_observed_block(kind):
 def test_condition_mixes_the_conditioned_components(kind):
     prior = fitted(kind)
     frame, noise = demonstrations(4)[0][30, :OBSERVED], 0.05 * np.eye(OBSERVED)
-    belief = prior.update(prior.initial_belief(), frame, noise)
+    belief = update(prior, initial_belief(prior), frame, noise)
     expected = mixture_moments(belief.weights, condition(prior.components, frame, noise))
-    found = prior.condition(belief, frame, noise)
+    found = mixed(prior, belief, frame, noise)
     np.testing.assert_allclose(found.mean, expected.mean, atol=EXACT)
     np.testing.assert_allclose(found.covariance, expected.covariance, atol=EXACT)
 
@@ -182,16 +169,16 @@ def test_phases_rise_with_the_order_of_the_components(kind):
 @EVERY_PRIOR
 def test_a_frame_far_from_everything_is_unknown_and_does_not_reset_the_belief(kind):
     prior = fitted(kind)
-    belief = prior.initial_belief()
+    belief = initial_belief(prior)
     for frame in demonstrations(1)[0][:60, :OBSERVED]:
-        belief = prior.update(belief, frame)
-    after = prior.update(belief, np.full(OBSERVED, 1e4))
+        belief = update(prior, belief, frame)
+    after = update(prior, belief, np.full(OBSERVED, 1e4))
     assert not after.known
     assert after.log_likelihood < -700.0
     if kind != "gmm":  # A mixture remembers nothing to begin with.
         assert after.weights.argmax() == belief.weights.argmax()
-        assert abs(after.weights - prior.initial_belief().weights).max() > 0.3
-    assert prior.update(after, demonstrations(1)[0][60, :OBSERVED]).known
+        assert abs(after.weights - initial_belief(prior).weights).max() > 0.3
+    assert update(prior, after, demonstrations(1)[0][60, :OBSERVED]).known
 
 
 @EVERY_PRIOR
@@ -201,20 +188,20 @@ def test_one_component_is_linear_regression(kind):
     everything = np.concatenate(latents)
     inputs = np.concatenate([everything[:, :OBSERVED], np.ones((len(everything), 1))], axis=1)
     solution = np.linalg.lstsq(inputs, everything[:, OBSERVED:], rcond=None)[0]
-    belief = prior.initial_belief()
+    belief = initial_belief(prior)
     for row in everything[:150:10]:
-        belief = prior.update(belief, row[:OBSERVED])
+        belief = update(prior, belief, row[:OBSERVED])
         expected = np.append(row[:OBSERVED], 1.0) @ solution
         # Least squares and the conditional of sample moments agree up to the conditioning of the inputs.
-        np.testing.assert_allclose(prior.condition(belief, row[:OBSERVED]).mean, expected, atol=1e-8)
+        np.testing.assert_allclose(mixed(prior, belief, row[:OBSERVED]).mean, expected, atol=1e-8)
 
 
 @EVERY_PRIOR
 def test_belief_lives_on_after_the_longest_demonstration(kind):
     prior = fitted(kind)
-    frame, belief = demonstrations(1)[0][-1, :OBSERVED], prior.initial_belief()
+    frame, belief = demonstrations(1)[0][-1, :OBSERVED], initial_belief(prior)
     for _ in range(1000):
-        belief = prior.update(belief, frame)
+        belief = update(prior, belief, frame)
     assert belief.known
     assert np.isfinite(belief.weights).all()
 

@@ -17,6 +17,7 @@ from mild_core.inference.priors.semi_markov_chain import run_filter
 from mild_core.inference.stage import Inference
 from mild_core.inference.start_pose import StartPose
 from mild_core.signals import FeatureWindow, JointMeasurement
+from test.core.inference.oracles import initial_belief, update
 from test.core.inference.random_model import (
     INTERACTIONS,
     manifest,
@@ -63,7 +64,7 @@ class ByHand:
         self.member, self.number = model.members[index], interaction
         self.inputs = {name: spec.inputs for name, spec in model.manifest.members[index].items()}
         self.prior = self.member.priors[interaction]
-        self.belief, self.label = self.prior.initial_belief(), np.eye(len(INTERACTIONS))[interaction]
+        self.belief, self.label = initial_belief(self.prior), np.eye(len(INTERACTIONS))[interaction]
         context = self.member.networks.get("context")
         self.memory = context.first_memory() if context else None
 
@@ -78,7 +79,7 @@ class ByHand:
         if "context" in networks:
             values["context"], self.memory = self.run("context", values, self.memory)
         values["observed"], covariance = posterior(self.run("encoder", values)[0])
-        self.belief = self.prior.update(self.belief, values["observed"], covariance)
+        self.belief = update(self.prior, self.belief, values["observed"], covariance)
         weights, explanation = self.belief.weights, self.prior.explain(values["observed"], covariance)
         score = explanation.distances.min() / self.member.latent_radius[self.number]
         latent = weights @ explanation.conditioned.mean
@@ -229,9 +230,9 @@ def test_missed_windows_pass_as_time(paper_model):
     assert state.counts["missed"] == 3
     prior, network = paper_model.members[0].priors[2], paper_model.members[0].networks["encoder"]
     latents = [posterior(network.run(w.features.ravel().astype(np.float32), network.first_memory())[0]) for w in stream]
-    belief = prior.initial_belief()
+    belief = initial_belief(prior)
     for latent, covariance in latents[:3]:
-        belief = prior.update(belief, latent, covariance)
+        belief = update(prior, belief, latent, covariance)
     blank = np.zeros((4, prior.chain.components))
     blank[3] = prior.explain(*latents[6]).log_emissions
     after = run_filter(prior.chain, blank, belief.memory.copy())

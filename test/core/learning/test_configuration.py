@@ -59,7 +59,7 @@ def test_an_optional_part_is_left_out_by_false_and_changed_by_a_table():
         (HEAD + "[settings]\nmembers = 2.5", "is 2.5; give a whole number"),
         (HEAD + "[settings]\nmembers = true", "is True; give a whole number"),
         (HEAD + "[settings]\ndropout = true", "is True; give a number"),
-        (HEAD + "[settings]\ndecaying = 1", "is 1; give true or false"),
+        (HEAD + "[settings]\nstart_pose = 1", "is 1; give true or false"),
         (HEAD + "[settings]\nprior = 3", "settings.prior: is 3; give a table"),
         (HEAD + "[settings.architecture]\nencoder_hidden = 3", "is 3; give a list"),
         (HEAD + '[settings.architecture]\nencoder_hidden = ["a"]', "is 'a'; give a whole number"),

@@ -4,10 +4,11 @@
 import numpy as np
 import torch
 
-from mild_core.inference.gaussian import Gaussian, kl_divergence
+from mild_core.inference.gaussian import Gaussian
 from mild_core.inference.priors.hsmm import HSMM
 from mild_core.learning.training.latent_prior import latent_prior
 from mild_core.learning.training.vae import Posterior, drop, posterior_of
+from test.core.inference.oracles import filtered, kl_divergence
 
 RNG = np.random.default_rng(3)
 Q, STEPS = 3, 30
@@ -55,10 +56,10 @@ def test_conditioning_equals_the_run_time_filter():
     for first, stop, prior in zip(ends - lengths, ends, (PRIORS["b"], PRIORS["a"], PRIORS["b"]), strict=True):
         row = slice(first, stop)
         mean, covariance = posterior.mean[row].double().numpy(), posterior.covariance[row].double().numpy()
-        filtered = prior.filter(mean, covariance)
+        weights, expected = filtered(prior, mean, covariance)
         # Single precision here.
-        np.testing.assert_allclose(belief[row], filtered.weights, rtol=1e-5, atol=1e-6)
-        np.testing.assert_allclose(conditioned[row], filtered.conditioned_means, rtol=1e-4, atol=1e-4)
+        np.testing.assert_allclose(belief[row], weights, rtol=1e-5, atol=1e-6)
+        np.testing.assert_allclose(conditioned[row], expected, rtol=1e-4, atol=1e-4)
 
 
 def test_gradients_of_the_conditional_are_the_mixed_gains():
@@ -67,7 +68,7 @@ def test_gradients_of_the_conditional_are_the_mixed_gains():
     belief, conditioned = LATENT.explain(Posterior(mean, posterior.factor), label, [STEPS])
     (belief[5] * conditioned[5, :, 1]).sum().backward()
     prior = PRIORS["a"]
-    weights = prior.filter(posterior.mean.double().numpy(), posterior.covariance.double().numpy()).weights[5]
+    weights = filtered(prior, posterior.mean.double().numpy(), posterior.covariance.double().numpy())[0][5]
     covariance, widening = prior.components.covariance, posterior.covariance[5].double().numpy()
     gains = [c[Q:, :Q] @ np.linalg.inv(c[:Q, :Q] + widening) for c in covariance]
     expected = sum(w * gain[1] for w, gain in zip(weights, gains, strict=True))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from mild_core.inference.gaussian import Gaussian, kl_divergence
+from mild_core.inference.gaussian import Gaussian
 from mild_core.inference.priors import HSMM
 from mild_core.learning.data.windows import PROTOCOLS
 from mild_core.learning.training.algorithm import window_coordinates
@@ -16,6 +16,7 @@ from mild_core.learning.training.latent_prior import latent_prior
 from mild_core.learning.training.objective import Objective, Terms
 from mild_core.learning.training.settings import LossWeights
 from mild_core.learning.training.vae import MemberNetworks, Posterior
+from test.core.inference.oracles import kl_divergence
 from test.core.learning.made_trials import made_trials
 from test.core.learning.small_settings import SMALL, TWO
 

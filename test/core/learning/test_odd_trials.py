@@ -15,6 +15,7 @@ from mild_core.learning.evaluation.errors import errors_of_trial
 from mild_core.learning.training.algorithm import require_learnable, train
 from mild_core.learning.training.export import ModelFacts, export
 from mild_core.learning.training.model_predictor import ModelPredictor
+from test.core.inference.oracles import initial_belief, update
 from test.core.learning.made_trials import ARM, made_trials
 from test.core.learning.small_settings import SMALL, TWO
 
@@ -154,7 +155,7 @@ def test_latents_of_an_agent_who_stands_still_leave_a_prior_that_can_be_used(con
         latent[:, constant] = 0.5
     fit = PRIORS["hsmm"].from_demonstrations(latents, 3, 2).fit(latents)
     assert np.isfinite(fit.log_likelihoods).all()
-    belief = fit.prior.update(fit.prior.initial_belief(), latents[0][0, :2], 0.01 * np.eye(2))
+    belief = update(fit.prior, initial_belief(fit.prior), latents[0][0, :2], 0.01 * np.eye(2))
     assert np.isfinite(belief.weights).all()
     assert belief.known
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mild_core.perception.bone_fit import BoneFit, bone_fit
+from mild_core.perception.arm import BoneFit, bone_fit
 from mild_core.perception.stage import Perception, PerceptionSettings
 from mild_core.shapes import FloatArray
 from mild_core.signals import SkeletonFrame
