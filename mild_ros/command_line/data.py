@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import tempfile
 import urllib.error
 import urllib.request
@@ -90,7 +91,8 @@ def _make(name: str, robot: str, console: Console) -> None:
     folder = data_folder() / name
     trials, made = kinematic_trials(robot, ROBOTS[robot], MADE_TRIALS, seed=0)
     write_trials(folder, trials, made)
-    console.print(Text(f"{folder}: {len(made)} trials; mild train --dataset {folder} --people own --out my_model"))
+    train = shlex.join(["mild", "train", "--dataset", str(folder), "--people", "own", "--out", "my_model"])
+    console.print(Text(f"{folder}: {len(made)} trials; {train}"))
 
 
 def _list(recordings: list[Recording], console: Console) -> None:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -98,7 +99,8 @@ def demonstrations(
         raise SetupError(str(out), summary, "look at the pictures, then label the movements or change [cut]")
     write(cut, settings, out, test_every)
     console.print(summary, highlight=False, soft_wrap=True)
-    console.print(f"written: {out}; next: mild train --dataset {out} --out my_model", highlight=False, soft_wrap=True)
+    train = shlex.join(["mild", "train", "--dataset", str(out), "--out", "my_model"])
+    console.print(f"written: {out}; next: {train}", highlight=False, soft_wrap=True)
 
 
 def _settings(config: Path | None, given: dict[str, str]) -> DemonstrationSettings:

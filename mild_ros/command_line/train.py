@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 import subprocess
 from contextlib import suppress
 from dataclasses import replace
@@ -122,11 +123,11 @@ def train(
     trials = _trials(recording, data or recording.default_path(), asked)
     out.mkdir(parents=True, exist_ok=True)  # a folder that cannot be written is said before an hour of training
     trained, checkpoint = _learned(trials, asked, recording, out)
-    chosen = [f"--config {config or LIVE}"] * bool(config or not dataset) + [f"--dataset {dataset}"] * bool(dataset)
-    command = f"mild train {' '.join(chosen)} --seed {asked.seed} --epochs {settings.epochs}"
-    command += f" --members {settings.members}" + (f" --doublings {doublings}" if doublings else "") + f" --out {out}"
-    command += f" --errors {errors}" if errors else ""
-    command += " --people own" if people == "own" else ""
+    told: dict[str, object] = {"config": config or ("" if dataset else LIVE), "dataset": dataset, "data": data or ""}
+    told |= {"seed": asked.seed, "epochs": settings.epochs, "members": settings.members, "doublings": doublings or ""}
+    told |= {"out": out, "errors": errors or "", "people": "" if people == "all" else people}
+    words = [word for name, value in told.items() if value != "" for word in (f"--{name}", str(value))]
+    command = shlex.join(["mild", "train", *words])
     _write(out, trained, trials, (asked, recording), measured, command, people)
     checkpoint.remove()
 

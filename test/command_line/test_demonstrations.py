@@ -276,10 +276,12 @@ def test_odd_labels_are_counted_and_a_calibrated_camera_locates_the_person(short
     person = f'[person]\nrobot_from_camera = "{x} {y} {z} {roll} {pitch} {yaw}"'
     config = CONFIG.replace('touching = ["handshake"]', 'label = "topic:/label"').replace("[person]", person)
     (tmp_path / "cut.toml").write_text(config)
-    options = ("--config", str(tmp_path / "cut.toml"), "--out", str(tmp_path / "out"))
+    options = ("--config", str(tmp_path / "cut.toml"), "--out", str(tmp_path / "out #1"))
     assert run("demonstrations", str(short / "one"), *options) == 0
-    assert "1 trial from 1 bag: 1 hand_wave; 1 left out: 1 unusable label" in capsys.readouterr().out
-    placed = recording_named(str(tmp_path / "out")).placement
+    printed = capsys.readouterr().out
+    assert "1 trial from 1 bag: 1 hand_wave; 1 left out: 1 unusable label" in printed
+    assert f"next: mild train --dataset '{tmp_path / 'out #1'}' --out my_model" in printed  # as a shell takes it
+    placed = recording_named(str(tmp_path / "out #1")).placement
     assert placed is not None
     np.testing.assert_allclose((*placed.translation_m, abs(placed.yaw_rad)), (1.2, -0.1, 0.4, np.pi), atol=1e-3)
 

@@ -61,7 +61,7 @@ def table(path, protocol):
 
 def test_a_trained_folder_loads_and_carries_measured_errors(data, tmp_path, capsys):
     errors = table(tmp_path / "cv.json", "ahead")
-    out = tmp_path / "made"
+    out = tmp_path / "made of #1"
     options = ("--data", str(data), "--out", str(out), "--errors", str(errors))
     assert run("train", "--config", "yumi_buetepage_ahead", *options, *QUICK) == 0
     printed = capsys.readouterr()
@@ -69,7 +69,7 @@ def test_a_trained_folder_loads_and_carries_measured_errors(data, tmp_path, caps
     assert "network 1/1 epoch 2" in printed.err
     model = load_model(out)
     manifest = model.manifest
-    assert (manifest.name, manifest.protocol, manifest.lead_frames) == ("made", "ahead", 1)
+    assert (manifest.name, manifest.protocol, manifest.lead_frames) == ("made of #1", "ahead", 1)
     assert manifest.training["trials"] == 8
     assert manifest.errors["cross_validation"]["rows"][0]["macro_mean"] == 0.0444
     np.testing.assert_allclose(model.residual_covariance, 0.03 * np.eye(7))
@@ -80,7 +80,8 @@ def test_a_trained_folder_loads_and_carries_measured_errors(data, tmp_path, caps
     card = (out / "REPORT.md").read_text()
     assert "0.0444 ± 0.0010" in card
     assert "Epochs: 2 (as configured)." in card
-    assert "mild train --config yumi_buetepage_ahead --seed 0" in card
+    command = f"mild train --config yumi_buetepage_ahead --data {data} --seed 0 --epochs 2 --members 1 --out '{out}'"
+    assert f"{command} --errors {errors}" in card  # as a shell takes it
     assert 'preset = "ahead"' in card
     assert run("evaluate", "--model", str(out), "--data", str(data), "--json") == 0
     assert json.loads(capsys.readouterr().out)["windows"] == sum(320 + index - 79 for index in range(8))

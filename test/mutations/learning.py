@@ -314,6 +314,14 @@ FAULTS = (
         ODD,
     ),
     Fault(
+        "a person who leaps",
+        "Somebody else's arm in a frame is learned from.",
+        f"{HERE}/data/trial_validity.py",
+        "axis=2) > LARGEST_STEP_M",
+        "axis=2) > 1e3 * LARGEST_STEP_M",
+        ODD,
+    ),
+    Fault(
         "bones of any length",
         "A joint that a tracker has lost for a frame is learned from.",
         f"{HERE}/data/trial_validity.py",

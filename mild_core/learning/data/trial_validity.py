@@ -20,6 +20,9 @@ LARGEST_RAD = 25.0
 LARGEST_STEP_RAD = np.pi
 """No joint turns half a turn from one frame to the next; a lost message, a glitch and an angle that wraps do."""
 
+LARGEST_STEP_M = 2.0
+"""No joint of an arm goes so far from one frame to the next: at 8 Hz a thrown ball leaves at as much."""
+
 NEAR_TURN_RAD = 1.0
 """So near to whole turns between the medians of two trials, they are meant."""
 
@@ -68,17 +71,23 @@ def _require_motion(
 
 
 def _require_arm(trial: Demonstration, arm_m: FloatArray, names: Sequence[str], whose: str) -> None:
-    """Joints in range, none exactly zero but the first, on bones of possible length (`perception.joint_validity`)."""
+    """Joints in range that do not leap, none exactly zero but the first (`perception.joint_validity`).
+
+    Their bones are of possible length.
+    """
+    places = [f"{whose} {name}" for name in names]
     far = np.abs(arm_m).max(axis=2) > FARTHEST_M
-    _refuse(
-        trial, far, [f"{whose} {name}" for name in names], f"is beyond {FARTHEST_M:.0f} m: a glitch, or millimetres?"
-    )
+    _refuse(trial, far, places, f"is beyond {FARTHEST_M:.0f} m: a glitch, or millimetres?")
+    leaps = np.linalg.norm(np.diff(arm_m, axis=0), axis=2) > LARGEST_STEP_M
     zeroed = (arm_m[:, 1:] == 0.0).all(axis=2)
     _refuse(trial, zeroed, [f"{whose} {name}" for name in names[1:]], "is at exactly zero: the tracker lost it")
     low, high = HUMAN_BONE_M
     lengths = np.linalg.norm(np.diff(arm_m, axis=1), axis=2)
     bones = [f"{whose} bone from {one} to {other}" for one, other in pairwise(names)]
     _refuse(trial, lengths > high, bones, f"is longer than {high:.2f} m")
+    _refuse(
+        trial, leaps, places, f"leaps by more than {LARGEST_STEP_M:.0f} m to the next: a glitch, or another person?"
+    )
     _refuse(trial, np.median(lengths, axis=0, keepdims=True) < low, bones, f"is mostly shorter than {low:.2f} m")
 
 
