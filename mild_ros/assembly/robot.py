@@ -37,6 +37,25 @@ def make_robot(given: str, description: str = "") -> RobotModel:
     Raises:
         SetupError: There is no such robot, no such description, or the two do not belong together.
     """
+    robot, notes = _made(given, description)
+    for note in notes:
+        logging.getLogger(__name__).warning("%s", printable_lines(note))
+    return robot
+
+
+def make_robot_to_draw(given: str, description: str = "") -> RobotModel:
+    """The same robot for pictures of what it did: with its meshes found, without a word of what was said before.
+
+    A description that came by topic is gone by then; the robot's own takes its place.
+
+    Raises:
+        SetupError: As `make_robot`.
+    """
+    return _made(given, "" if description.startswith(TOPIC) else description)[0]
+
+
+def _made(given: str, description: str) -> tuple[RobotModel, tuple[str, ...]]:
+    """The robot, and what is odd about its description, for people."""
     robot = find_robot(given)
     path, source = robot.urdf_path, robot.source
     if description.startswith(TOPIC):
@@ -71,10 +90,7 @@ def make_robot(given: str, description: str = "") -> RobotModel:
         )
     robot = robot if found.path == robot.urdf_path else replace(robot, urdf_path=found.path, described_by=source)
     chain_of(robot)  # says in one line what does not fit
-    for note in (*notes, found.note):
-        if note:
-            logging.getLogger(__name__).warning("%s", printable_lines(note))
-    return robot
+    return robot, tuple(note for note in (*notes, found.note) if note)
 
 
 def _narrowed(robot: RobotModel, tree: KinematicTree) -> RobotModel:

@@ -166,8 +166,8 @@ def filmstrip(
     The person is drawn where the camera of the recording saw them (its `camera.toml`, or -p robot_from_camera:='…'),
     and without one where the model takes them to stand.
     """
-    from mild_core.retargeting.robot_file import find_robot
     from mild_ros.assembly.perception import make_perception, manifest_of, skeleton_source
+    from mild_ros.assembly.robot import make_robot_to_draw
     from mild_ros.assembly.settings import PipelineParameters
     from mild_ros.bag.camera import with_camera
     from mild_ros.node_kit.parameter_files import read_parameters
@@ -179,7 +179,8 @@ def filmstrip(
     named = {"model": model, "robot": robot, "source": source}
     parameters = read_parameters(PipelineParameters, "pipeline", config, given or (), **named)
     parameters = with_camera(parameters, run, given or ())
-    found, manifest = find_robot(parameters.robot), manifest_of(parameters.model)
+    found = make_robot_to_draw(parameters.robot, parameters.robot_description)
+    manifest = manifest_of(parameters.model)
     recorded = read_run(run, skeleton_source(parameters))
     staged = stage(recorded, make_perception(parameters, manifest), manifest, found)
     spoken = main_interaction(recorded.motions).replace("_", " ") or "nothing recognised"

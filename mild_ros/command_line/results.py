@@ -15,9 +15,9 @@ from rich.table import Table
 
 from mild_core.errors import MildError, SetupError
 from mild_core.printable import printable
-from mild_core.retargeting.robot_file import find_robot
 from mild_core.shapes import FloatArray
 from mild_ros.assembly.perception import make_perception, manifest_of, skeleton_source
+from mild_ros.assembly.robot import make_robot_to_draw
 from mild_ros.command_line.console import Console
 from mild_ros.replay.demo import RunOptions, run_nodes
 from mild_ros.replay.recorded import RecordedRun, read_run
@@ -88,7 +88,8 @@ def leave(recorded: Path, out: Path, options: RunOptions, title: str, console: C
     """
     title = printable(title)  # the bag's name may hold what no font and no page can
     parameters = options.pipeline
-    robot, source = find_robot(parameters.robot), skeleton_source(parameters)
+    robot = make_robot_to_draw(parameters.robot, parameters.robot_description)
+    source = skeleton_source(parameters)
     run = read_run(recorded, source, salvage=options.salvage)
     report, manifest = make_report(run, robot), manifest_of(parameters.model)
     (out / NUMBERS).write_text(json.dumps(as_data(run, report), indent=1) + "\n")

@@ -31,8 +31,8 @@ def view(
     The page is one HTML file with a play bar. It needs no network and no server. Skeletons that are read with
     parameters, or a robot other than YuMi, are given as to `mild replay`: `--config pepper`, `-p frame_id:=world`.
     """
-    from mild_core.retargeting.robot_file import find_robot
     from mild_ros.assembly.perception import manifest_of, skeleton_source
+    from mild_ros.assembly.robot import make_robot_to_draw
     from mild_ros.assembly.settings import PipelineParameters
     from mild_ros.bag.camera import with_camera
     from mild_ros.command_line.lost import check_source, report_lost
@@ -41,7 +41,7 @@ def view(
 
     parameters = read_parameters(PipelineParameters, "pipeline", config, given or (), model=model, source=source)
     parameters = with_camera(parameters, bag, given or ())
-    find_robot(parameters.robot), manifest_of(parameters.model)
+    make_robot_to_draw(parameters.robot, parameters.robot_description), manifest_of(parameters.model)
     console = Console()
     report_lost(bag, salvage, console)
     check_source(bag, salvage, skeleton_source(parameters))

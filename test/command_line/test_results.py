@@ -14,10 +14,15 @@ from rich.console import Console
 
 from mild_core.errors import BagError
 from mild_core.resources import share_folder
+from mild_core.retargeting.robot_model.robot import RobotModel
+from mild_core.retargeting.robots import ROBOTS
+from mild_ros.assembly.robot import make_robot_to_draw
+from mild_ros.assembly.settings import PipelineParameters
 from mild_ros.command_line import results
 from mild_ros.replay.demo import RunOptions
 from mild_ros.viewing.page import UNPAINTED, _colour
 
+YUMI = ROBOTS["yumi"]
 HANDSHAKE = share_folder("bags") / "handshake"
 
 
@@ -54,6 +59,37 @@ def test_a_run_without_a_person_still_has_numbers(tmp_path: Path, monkeypatch: p
     assert len(shown.problems) == 1
     assert "never shows a whole person" in shown.problems[0]
     assert json.loads((tmp_path / results.NUMBERS).read_text())["duration_s"] > 10.0
+
+
+@pytest.mark.parametrize("vendor", [True, False], ids=["a vendor's description", "a robot file"])
+def test_pictures_show_the_meshes_that_the_description_names_by_package(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, vendor: bool
+) -> None:
+    mesh = tmp_path / "hat_description" / "meshes" / "hat.stl"
+    mesh.parent.mkdir(parents=True)
+    mesh.write_bytes(bytes(84))
+    hat = '<link name="hat"><visual><geometry><mesh filename="package://hat_description/meshes/hat.stl"/></geometry>'
+    hat += (
+        '</visual></link><joint name="to_hat" type="fixed"><parent link="yumi_base_link"/><child link="hat"/></joint>'
+    )
+    urdf = mesh.parents[1] / "yumi.urdf"
+    urdf.write_text(YUMI.urdf_path.read_text().replace("</robot>", f"{hat}</robot>"))
+    file = urdf.with_suffix(".toml")
+    file.write_text(
+        f'name = "mine"\ndescription = "yumi.urdf"\nbase_link = "{YUMI.base_link}"\ntool_link = "{YUMI.tool_link}"\n'
+        f"joint_names = {json.dumps(YUMI.joint_names)}\nhome_rad = {YUMI.home_rad.tolist()}\n"
+        "acceleration_rad_s2 = 10.0\njerk_rad_s3 = 300.0\n"
+    )
+    drawn: list[RobotModel] = []
+    monkeypatch.setattr(results, "draw_filmstrip", lambda staged, robot, *_: drawn.append(robot))
+    monkeypatch.setattr(results, "write_page", lambda staged, robot, *_: drawn.append(robot))
+    named = {"robot_description": str(urdf)} if vendor else {"robot": str(file)}
+    results.leave(HANDSHAKE, tmp_path, RunOptions(PipelineParameters(**named)), "handshake", Console())
+    assert [str(mesh) in robot.urdf_path.read_text() for robot in drawn] == [True, True]
+
+
+def test_a_run_whose_description_came_by_topic_is_drawn_as_the_robot_of_its_name() -> None:
+    assert make_robot_to_draw("yumi", "topic:robot_description").urdf_path == YUMI.urdf_path
 
 
 def test_a_mesh_with_a_texture_has_its_middle_colour() -> None:
