@@ -24,11 +24,32 @@ REMEDIES = {
     "undecodable": "the bag's types are not those of its bytes: record it again with their definitions, in mcap",
     "no_person": "choose a bag with a person in it",
     "calibrating": "it is too short: the person has to stand still for a second before they move",
-    "moving": "the person has to stand still for a second before they move; set calibration_still_m if they do",
+    "moving": "the person has to stand still for a second before they move",
     "too_old": "the tracker's stamps are older than max_age_s when they come: raise it with -p max_age_s:=VALUE",
     "from_future": "the tracker's stamps lie in the future: compare its clock with the recorder's",
 }
 """By the outcome that is in the way; others say themselves what to do."""
+
+NOT_STARTED = {
+    "start_turned_away": (
+        "a hand was raised by a person who does not face the robot",
+        "measure robot_from_camera, or raise start_facing_deg",
+    ),
+    "start_too_far": (
+        "a hand was raised too far away from the robot",
+        "measure robot_from_camera, or raise start_hand_m and start_trunk_m",
+    ),
+    "start_at_head": (
+        "the hand that was raised went to the person's own head",
+        "choose a bag in which it is held out to the robot",
+    ),
+    "start_aside": ("the hand that was raised went aside", "choose a bag in which it is held out to the robot"),
+    "start_undecided": (
+        "a hand was raised, and no interaction was recognised for long enough",
+        "name it with --interaction, or lower start_evidence",
+    ),
+}
+"""Why retargeting answered no raised hand, and a remedy; the first that was counted is told."""
 
 EXPLAINED = "docs/diagnostics.md says what that means"
 
@@ -89,10 +110,21 @@ def why_still(
         return "it was not enabled", "leave out enabled:=false, or, in a live system, ./mild enable"
     if run.commands is None:
         return "no command was sent: the robot published no joint states", "check joint_states, and robot_joint_names"
+    for reason, explained in NOT_STARTED.items():
+        if retargeted[reason]:
+            return explained
+    refused = Counter({reason: n for reason, n in retargeted.items() if reason.startswith("refused_")})
+    if refused:
+        reason, count = refused.most_common(1)[0]
+        return f"{count} commands were '{reason}'", EXPLAINED
     performed = any(motion.state == "none" for motion in run.motions)
     if performed and retargeted["unknown"] > retargeted["accepted"] // 2:
         words = "what the person does was recognised as none of the model's interactions"
         return words, "name it with --interaction, or take a model that knows it"
-    named = parameters.interaction != "auto"
-    remedy = f"is it the {parameters.side} hand that moves? plots.png shows it" if named else "name an interaction"
+    lost, count = Counter(shown).most_common(1)[0] if shown else ("", 0)
+    if count > perceived["accepted"]:
+        words = f"the person was lost: {count} messages were '{lost}', {perceived['accepted']} were accepted"
+        return words, "they have to stay in view" if lost == "no_person" else REMEDIES.get(lost, EXPLAINED)
+    other = "left" if parameters.side == "right" else "right"
+    remedy = f"choose a bag in which it is raised, or, if the other one is, add -p side:={other}"
     return f"the {parameters.side} hand rested all the time, or did nothing that this robot answers", remedy
