@@ -123,10 +123,10 @@ def train(
     trials = _trials(recording, data or recording.default_path(), asked)
     out.mkdir(parents=True, exist_ok=True)  # a folder that cannot be written is said before an hour of training
     trained, checkpoint = _learned(trials, asked, recording, out)
-    told: dict[str, object] = {"config": config or ("" if dataset else LIVE), "dataset": dataset, "data": data or ""}
-    told |= {"seed": asked.seed, "epochs": settings.epochs, "members": settings.members, "doublings": doublings or ""}
-    told |= {"out": out, "errors": errors or "", "people": "" if people == "all" else people}
-    words = [word for name, value in told.items() if value != "" for word in (f"--{name}", str(value))]
+    named: dict[str, object] = {"config": config or ("" if dataset else LIVE), "dataset": dataset, "data": data or ""}
+    named |= {"seed": asked.seed, "epochs": settings.epochs, "members": settings.members, "doublings": doublings or ""}
+    named |= {"out": out, "errors": errors or "", "people": "" if people == "all" else people}
+    words = [word for name, value in named.items() if value != "" for word in (f"--{name}", str(value))]
     command = shlex.join(["mild", "train", *words])
     _write(out, trained, trials, (asked, recording), measured, command, people)
     checkpoint.remove()

@@ -46,10 +46,10 @@ NOT_STARTED = {
     "start_aside": ("the hand that was raised went aside", "choose a bag in which it is held out to the robot"),
     "start_undecided": (
         "a hand was raised, and no interaction was recognised for long enough",
-        "name it with --interaction, or lower start_evidence",
+        "name it with --interaction",
     ),
 }
-"""Why retargeting answered no raised hand, and a remedy; the first that was counted is told."""
+"""Why retargeting answered no raised hand, and a remedy; the first that was counted is printed."""
 
 EXPLAINED = "docs/diagnostics.md says what that means"
 
@@ -112,7 +112,9 @@ def why_still(
         return "no command was sent: the robot published no joint states", "check joint_states, and robot_joint_names"
     for reason, explained in NOT_STARTED.items():
         if retargeted[reason]:
-            return explained
+            words, remedy = explained
+            strict = parameters.interaction != "auto" or parameters.start_evidence > PipelineParameters().start_evidence
+            return words, "lower start_evidence" if reason == "start_undecided" and strict else remedy
     refused = Counter({reason: n for reason, n in retargeted.items() if reason.startswith("refused_")})
     if refused:
         reason, count = refused.most_common(1)[0]

@@ -315,7 +315,7 @@ FAULTS = (
     ),
     Fault(
         "a person who leaps",
-        "Somebody else's arm in a frame is learned from.",
+        "Another person's arm in a frame is learned from.",
         f"{HERE}/data/trial_validity.py",
         "axis=2) > LARGEST_STEP_M",
         "axis=2) > 1e3 * LARGEST_STEP_M",

@@ -118,7 +118,7 @@ def test_a_person_who_rests_is_no_fault_of_the_source(tmp_path: Path) -> None:
         ({}, {"start_turned_away": 1}, "does not face the robot", "start_facing_deg"),
         ({}, {"start_at_head": 1}, "own head", "held out"),
         ({}, {"start_aside": 1}, "went aside", "held out"),
-        ({}, {"start_undecided": 1}, "no interaction was recognised", "start_evidence"),
+        ({}, {"start_undecided": 1}, "no interaction was recognised", "--interaction"),
         ({}, {"refused_keep_out": 80, "refused_speed": 2}, "80 commands were 'refused_keep_out'", "diagnostics.md"),
         ({"no_person": 330}, {}, "330 messages were 'no_person', 317 were accepted", "stay in view"),
         ({"no_person": 300}, {}, "the right hand rested", "-p side:=left"),
@@ -139,6 +139,17 @@ def test_a_hand_that_is_raised_in_vain_is_none_that_rests(
     # What a remedy names can be set.
     for name in re.findall(r"start_\w+|robot_from_camera", remedy):
         assert hasattr(AUTO, name)
+
+
+def test_evidence_that_was_set_too_high_is_what_to_lower(tmp_path: Path) -> None:
+    counts = {
+        "perception": {"calibrated": 1, "accepted": 317},
+        "inference": {"accepted": 400},
+        "retargeting": {"accepted": 390, "start_undecided": 1},
+    }
+    still = run(tracked(tmp_path / "bag", in_time), commands=commanded(0.1, 0.1))
+    for parameters in (replace(AUTO, start_evidence=0.9), replace(AUTO, interaction="handshake")):
+        assert why_still(still, AZURE, counts, parameters)[1] == "lower start_evidence"
 
 
 def write_markers(bag: Path, *ids: int) -> Path:

@@ -111,7 +111,7 @@ REJECTED = {
         changed(in_one, human=put((slice(None), 2), lambda hand: 0.1 * hand + [0.0, 0.0, -0.165])),
         "trial 2 (reach): the person's bone from elbow to hand is mostly shorter than 0.05 m",
     ),
-    "a frame of somebody else": (
+    "a frame of another person": (
         changed(in_one, human=put(FRAME, lambda arm: arm + np.array([2.5, 0.0, 0.0]))),
         "frame 59 the person's shoulder leaps by more than 2 m to the next",
     ),
