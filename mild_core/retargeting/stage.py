@@ -275,7 +275,7 @@ class Retargeting:
         if self._contact is None or self.standing is None:
             return UNMEASURED if unmeasured else ""
         if not self.standing.touching:
-            return f"no contact: {NEVER}"
+            return f"no contact: {NEVER}" + (f"; {UNMEASURED}" if unmeasured else "")
         if unmeasured and not self.settings.allow_unmeasured_contact:
             return f"no contact: {UNMEASURED}"
         present = crowd is not None and person_present(state, self.settings, now_ns)
