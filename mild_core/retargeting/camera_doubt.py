@@ -11,7 +11,7 @@ from mild_core.shapes import FloatArray
 from mild_core.signals import WATCHED_PERSON
 
 UPSIDE_DOWN = "people are upside down: the angles of robot_from_camera are wrong; give x y z roll pitch yaw [m, rad]"
-INSIDE = "a person stands inside the robot: robot_from_camera is wrong; measure it anew"
+INSIDE = "a person stands inside the robot: robot_from_camera is wrong; measure it again"
 BEHIND = "a person stands behind the robot: if they do not, the yaw of robot_from_camera is wrong"
 
 INVERTED_M = 0.1

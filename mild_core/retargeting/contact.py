@@ -129,7 +129,7 @@ class Contact:
             elapsed_s: Since then.
             waits: Whether an offered hand has waited, and it is measured where the person stands, not assumed.
             relaxed: From 0 to 1 how much of the learned posture is given up for that of home, where the learned one
-                would bring another part of the arm too near to somebody.
+                would bring another part of the arm too near to a person.
 
         Returns:
             (J,) positions [rad], and how far the hands are brought together; None when they are not.

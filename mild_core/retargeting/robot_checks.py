@@ -97,7 +97,7 @@ def _drives(robot: RobotModel, tree: KinematicTree) -> str:
     if not wheels and not loose:
         return ""
     what = f"it drives ('{(wheels or loose)[0]}'): robot_from_camera holds while base_link '{robot.base_link}' stands"
-    return f"{what} still; measure it anew when it has moved"
+    return f"{what} still; measure it again when it has moved"
 
 
 def _tool(robot: RobotModel, tree: KinematicTree) -> str:

@@ -47,8 +47,8 @@ from mild_core.retargeting.unmet import (
     LIMITS,
     NO_TOUCH,
     PARTED_M,
+    SAID_AFTER_S,
     STAYS_S,
-    TOLD_AFTER_S,
     not_followed,
     not_reached,
 )
@@ -99,7 +99,7 @@ PARTNER_WAITS_S = 0.6
 the person's by chance alone."""
 
 RELAXING_S = 0.5
-"""The learned posture is given up in this time, where it leads too near to somebody."""
+"""The learned posture is given up in this time, where it leads too near to a person."""
 
 UNKNOWN_BODY = "the person's head and trunk are not known; use a tracker that gives shoulders and head"
 """Why hands are not brought together, or why they should not be."""
@@ -275,7 +275,7 @@ class Retargeting:
         if self._contact is None or self.standing is None:
             return UNMEASURED if unmeasured else ""
         if not self.standing.touching:
-            return f"no contact: {NEVER}"
+            return f"no contact: {NEVER}" + (f"; {UNMEASURED}" if unmeasured else "")
         if unmeasured and not self.settings.allow_unmeasured_contact:
             return f"no contact: {UNMEASURED}"
         present = crowd is not None and person_present(state, self.settings, now_ns)
@@ -334,7 +334,7 @@ class Retargeting:
         sight = state.sight
         if self._contact is None or sight is None or state.no_contact.startswith("no contact"):
             return ""
-        if not sight.offered() or (raised_s := (now_ns - sight.raised_ns) * 1e-9) < TOLD_AFTER_S:
+        if not sight.offered() or (raised_s := (now_ns - sight.raised_ns) * 1e-9) < SAID_AFTER_S:
             return ""
         hand_m = self._hand(state, now_ns)
         if not np.isfinite(hand_m).all():

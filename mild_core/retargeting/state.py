@@ -71,11 +71,11 @@ class RetargetingState:
         touch: How far the hands have been brought together; None when they are not.
         place_m: Where the person is taken to stand, if the camera's pose is unknown.
         near_m: Distance of the nearest person to the arm at the newest command [m].
-        relaxed: From 0 to 1 how much of a learned partner's posture is given up, since it led too near to somebody.
+        relaxed: From 0 to 1 how much of a learned partner's posture is given up, since it led too near to a person.
         no_contact: Why hands are not brought together; "" when they may be.
         met: Whether the hand that is held out has been met.
         unmet: Why a hand that is held out is not met, a key of `unmet.TEXTS`; "" when it is, or none is held out ...
-        unmet_ns: ... and since when, or since when none has been told; 0 for a hand that need not be met.
+        unmet_ns: ... and since when, or since when none has been said; 0 for a hand that need not be met.
         crowded: Whether a bystander is within the arm's reach, or near it.
         paused_ns: When a bystander last held the arm back; None if never.
         yielding: Whether the arm gives way to a person ...

@@ -28,14 +28,14 @@ TEXTS = {
 }
 """For people, by reason."""
 
-TOLD_AFTER_S, LATE_AFTER_S = 1.5, 2.2
+SAID_AFTER_S, LATE_AFTER_S = 1.5, 2.2
 """A hand that has been raised for longer should be met; an arm on its way is late only after the second."""
 
 APART_M, PARTED_M = 0.03, 0.15
 """Hands nearer than the first have met, and part at the second: people shake them."""
 
 LASTS_S = 0.5
-"""A reason is told when hands have not met for so long."""
+"""A reason is said when hands have not met for so long."""
 
 FAST_M_S = 0.4
 """A hand that is held out is slower than this."""

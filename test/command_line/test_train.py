@@ -176,7 +176,7 @@ def test_a_table_that_is_none_is_refused_in_one_line(data, tmp_path, content, ca
 def test_wrong_names_and_an_unwritable_folder_are_refused_before_training(data, tmp_path, capsys):
     (tmp_path / "file").write_text("")
     for options, said in (
-        (("--config", "yumi_same", "--out", str(tmp_path / "made")), "did you mean 'yumi_buetepage_same'"),
+        (("--config", "yumi_butepage_same", "--out", str(tmp_path / "made")), "did you mean 'yumi_buetepage_same'"),
         (("--config", "none.toml", "--out", str(tmp_path / "made")), "there is no such file"),
         (("--out", str(tmp_path / "file")), "File exists"),
     ):

@@ -423,7 +423,7 @@ FAULTS = (
     ),
     Fault(
         "hands touch where interactions have places",
-        "Models of two people meet nobody.",
+        "Models of two people meet no person.",
         f"{HERE}/human_track.py",
         "return tuple(self.by_interaction) if self.contact is None else self.contact",
         "return tuple(self.by_interaction)",
@@ -431,7 +431,7 @@ FAULTS = (
     ),
     Fault(
         "the posture of home is never taken",
-        "An elbow that the partner's posture brings too near to somebody keeps hands from meeting.",
+        "An elbow that the partner's posture brings too near to a person keeps hands from meeting.",
         f"{HERE}/contact.py",
         "held = posture + smooth(relaxed) * (self.robot.home_rad - posture) if relaxed else posture",
         "held = posture",
@@ -470,7 +470,7 @@ FAULTS = (
         UNMET,
     ),
     Fault(
-        "an arm that reaches nobody is taken",
+        "an arm that reaches no person is taken",
         "An arm of a few centimetres is set up to meet hands.",
         f"{HERE}/robot_checks.py",
         "if reach_m < LEAST_REACH_M:",

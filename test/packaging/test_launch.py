@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
@@ -128,7 +129,8 @@ def test_control_c_while_a_launched_node_loads_its_libraries_is_no_traceback(tmp
     (tmp_path / "loading_node.py").write_text("print('loads', flush=True)\nimport time\ntime.sleep(30)\n")
     command = [sys.executable, "-c", table.QUIETLY, "loading_node", "--ros-args"]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    with subprocess.Popen(command, cwd=tmp_path, text=True, **pipes) as node:
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    with subprocess.Popen(command, env=environment, text=True, **pipes) as node:
         assert node.stdout is not None
         assert node.stdout.readline() == "loads\n"
         node.send_signal(signal.SIGINT)

@@ -109,9 +109,11 @@ def test_commands_keep_to_this_machine(given: list[str], local: bool, monkeypatc
     for name in PROFILE_VARIABLES:
         monkeypatch.setenv(name, "")
     kept = dict(os.environ)
-    monkeypatch.setattr(command_line, "assemble", lambda wanted: lambda args, prog_name: None)
+    monkeypatch.setattr(command_line, "assemble", lambda wanted: lambda **given: None)
     try:
-        command_line.main(given)
+        with pytest.raises(SystemExit) as ended:
+            command_line.main(given)
+        assert ended.value.code == 0
         assert (os.environ[PROFILE_VARIABLES[0]] == str(profile())) is local
     finally:
         os.environ.clear()

@@ -50,7 +50,7 @@ def draw_latent_spaces(agents: Mapping[str, Mapping[str, LatentSpace]], path: Pa
         title: Above it.
     """
     columns = len(next(iter(agents.values())))
-    with figure(PAGE_IN, 0.7 + 1.05 * PAGE_IN / columns * len(agents), path, title) as made:
+    with figure(PAGE_IN, 0.6 + 0.85 * PAGE_IN / columns * len(agents), path, title) as made:
         panels = made.subplots(len(agents), columns, squeeze=False, subplot_kw={"projection": "3d"})
         for axes, interaction in zip(panels[0], next(iter(agents.values())), strict=True):
             axes.set_title(spoken(interaction))

@@ -48,8 +48,8 @@ def draw_skeletons(trials: Mapping[str, Sequence[Moment]], path: Path, title: st
     points = np.concatenate([np.concatenate([m.person, m.recorded, m.predicted]) for row in rows for m in row])
     low, high = points.min(axis=0) - 0.06, points.max(axis=0) + 0.06
     spans = [high[up] - low[up] for _, up in views.values()]
-    width = (PAGE_IN - 0.6) / len(rows[0])
-    height = sum(spans) / (high[0] - low[0]) * width + 1.1 + 0.2 * len(rows)
+    width = 0.86 * (PAGE_IN - 0.6) / len(rows[0])  # without ticks and gaps
+    height = sum(spans) / (high[0] - low[0]) * width + 1.0 + 0.15 * len(rows)
     with figure(PAGE_IN, float(height), path, title) as made:
         panels = made.subplots(len(rows), len(rows[0]), sharex=True, sharey="row", height_ratios=spans, squeeze=False)
         for row, moments, (view, axes_seen) in zip(panels, rows, views.items(), strict=True):
@@ -60,11 +60,11 @@ def draw_skeletons(trials: Mapping[str, Sequence[Moment]], path: Path, title: st
                 axes.set_aspect("equal")
                 rule(axes)
             row[0].set_ylabel(view)
-        made.supxlabel("from the person towards the other [m]", fontsize=8)
+        made.supxlabel("from the person towards the other [m]", x=0.01, ha="left", fontsize=8)
         for axes, moment in zip(panels[0], rows[0], strict=True):
             axes.set_title(f"{moment.time_s:.1f} s")
         handles, labels = panels[0][0].get_legend_handles_labels()
-        made.legend(handles, labels, loc="outside upper right", ncols=3)
+        made.legend(handles, labels, loc="outside lower right", ncols=3)
 
 
 def _arms(axes: Axes, moment: Moment, seen: list[int]) -> None:

@@ -100,12 +100,13 @@ OUTSIDE = '<!DOCTYPE r [<!ENTITY x SYSTEM "file:///etc/hostname">]><robot name="
         (ARM.replace("0 0 1", "0 x 1", 1), "no robot description"),
         (ARM.replace("0 0 2", "0 0 0"), "no axis"),
         (ARM.replace('<child link="tip"/>', ""), "a child"),
-        (ARM.replace('child link="tip"', 'child link="fore"'), "'fore' hangs on two joints"),
+        (ARM.replace('child link="tip"', 'child link="upper"'), "'upper' hangs on two joints"),
+        (ARM.replace('child link="tip"', 'child link="fore"'), "joins link 'fore' to itself"),
         (ARM.replace('name="slide"', 'name="shoulder"'), "two joints are called 'shoulder'"),
         (ARM.replace('parent link="base"', 'parent link="tip"'), "hangs on no joint"),
         (ARM.replace('<parent link="upper"/>', '<parent link="tip"/>'), "loop"),
     ],
-    ids=range(18),
+    ids=range(19),
 )
 def test_a_bad_description_is_one_clear_line(tmp_path: Path, text: str | bytes, problem: str) -> None:
     with pytest.raises(SetupError, match=problem) as caught:

@@ -29,7 +29,7 @@ from test.core.retargeting.run import AWAY
 from test.core.retargeting.test_people import MET_M, REST_M, STANDING, TO_ROBOT, Around
 
 
-def told(run: Around) -> str:
+def said(run: Around) -> str:
     """What is said of the hand that is held out; at most one thing."""
     found = [notice for notice in run.state.notices(run.now_ns) if notice.startswith("hand not met: ")]
     assert len(found) <= 1
@@ -44,36 +44,36 @@ def held_out(run: Around, hand_m: np.ndarray = MET_M, seconds: float = 3.0, **fi
 
 def test_nothing_is_said_of_hands_that_meet_or_rest() -> None:
     run = held_out(Around())
-    assert told(run) == run.state.unmet == ""
+    assert said(run) == run.state.unmet == ""
     assert run.state.touch is not None
     run = held_out(Around(), REST_M)
-    assert told(run) == ""
+    assert said(run) == ""
 
 
 def test_a_hand_beyond_the_arm_is_out_of_reach_until_it_is_taken_back() -> None:
     run = held_out(Around(), np.array([0.85, -0.3, 0.0]))
-    assert told(run) == TEXTS[OUT_OF_REACH]
+    assert said(run) == TEXTS[OUT_OF_REACH]
     assert run.state.counts[OUT_OF_REACH] == 1
     run.live(2.0, REST_M)
-    assert told(run) == ""
+    assert said(run) == ""
 
 
 def test_a_hand_in_an_interaction_without_touch_is_said_to_be_so() -> None:
     run = held_out(Around(), interaction="hand_wave")
-    assert told(run) == "", "that is as it should be"
+    assert said(run) == "", "that is as it should be"
     assert run.state.counts[NO_TOUCH] == 1
 
 
 def test_a_motion_that_is_unknown_meets_no_hand() -> None:
     run = held_out(Around(), out_of_distribution=1.5)
     assert run.state.mode is not Mode.FOLLOWING
-    assert told(run) == TEXTS[UNKNOWN]
+    assert said(run) == TEXTS[UNKNOWN]
 
 
 def test_a_person_who_faces_elsewhere_is_not_met() -> None:
     run = Around()
     run.facing = -TO_ROBOT
-    assert told(held_out(run)) == TEXTS[NOT_MEANT]
+    assert said(held_out(run)) == TEXTS[NOT_MEANT]
 
 
 def test_an_arm_that_follows_and_does_not_come_there_is_late_or_held_back() -> None:
