@@ -260,6 +260,22 @@ FAULTS = (
         STILL,
     ),
     Fault(
+        "a raised hand has rested",
+        "A hand that is raised too far away is said to rest, with a remedy that changes nothing.",
+        "mild_ros/viewing/stillness.py",
+        "        if retargeted[reason]:",
+        "        if not retargeted:",
+        STILL,
+    ),
+    Fault(
+        "pictures pass a vendor's description over",
+        "Pictures of a replay show another robot than moved.",
+        "mild_ros/command_line/results.py",
+        "make_robot_to_draw(parameters.robot, parameters.robot_description)",
+        "make_robot_to_draw(parameters.robot)",
+        ("test/command_line/test_results.py",),
+    ),
+    Fault(
         "ticks after the message",
         "A tick at the time of a message comes after it, other than over DDS.",
         "mild_ros/replay/events.py",
