@@ -6,8 +6,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from mild_core.errors import unknown_name
-from mild_core.learning.data.recording import Recording
-from mild_core.learning.data.trials import recording_of
+from mild_core.learning.data.recording import Recording, data_folder
+from mild_core.learning.data.trials import MANIFEST, recording_of
 from mild_core.learning.datasets.buetepage_hh import BUETEPAGE_HH
 from mild_core.learning.datasets.buetepage_hr import BUETEPAGE_HR
 from mild_core.learning.datasets.nuisi import NUISI
@@ -23,7 +23,7 @@ def recording_named(name: str, data: Path | None = None) -> Recording:
     """The recording of that name, or in that folder of trials.
 
     Args:
-        name: In `DATASETS`, or the path of a folder that `mild demonstrations` wrote.
+        name: In `DATASETS`, of what `mild data` made, or the path of a folder that `mild demonstrations` wrote.
         data: What the user gave as its file or folder; a folder of trials wins over any name.
 
     Raises:
@@ -36,4 +36,7 @@ def recording_named(name: str, data: Path | None = None) -> Recording:
     folder = Path(name).expanduser()
     if folder.is_dir() or len(folder.parts) > 1:
         return recording_of(folder)
-    raise unknown_name("dataset", name, (*DATASETS, "the path of a folder of trials"))
+    made = data_folder() / name
+    if (made / MANIFEST).exists():
+        return recording_of(made)
+    raise unknown_name("dataset", name, (*DATASETS, "what mild data makes", "the path of a folder of trials"))

@@ -119,6 +119,13 @@ def test_what_is_no_folder_of_trials_is_said(tmp_path, folder):
         recording_named(str(folder)).read(folder)
 
 
+def test_trials_that_were_made_into_the_folder_of_recordings_are_known_by_their_name(folder, monkeypatch):
+    monkeypatch.setenv("MILD_DATA", str(folder.parent))
+    assert recording_named(folder.name).file == str(folder.resolve())
+    with pytest.raises(SetupError, match="what mild data makes"):
+        recording_named("kinematic_nao")
+
+
 def test_a_configuration_may_name_a_folder_beside_it_and_is_made_for_one_without(tmp_path, folder):
     (tmp_path / "how.toml").write_text('dataset = "mine"\nprotocol = "same"\n[settings]\nmembers = 1\n')
     found = read_configuration(str(tmp_path / "how.toml"))
