@@ -79,18 +79,31 @@ def test_a_figure_of_trials_that_were_learned_from_is_drawn_when_it_is_asked_for
     assert is_drawn(out)
 
 
-@pytest.mark.parametrize("name", ["latent", "window", "joints", "skeletons"])
-def test_a_figure_shows_trials_that_were_held_out(quick, data, name, tmp_path, monkeypatch, capsys):
+@pytest.fixture(scope="module")
+def work(tmp_path_factory):
+    """Where figures of held-out trials are drawn: models learned for one are found by the others."""
+    return tmp_path_factory.mktemp("work")
+
+
+@pytest.mark.parametrize("name", ["latent", "window", "skeletons"])
+def test_a_figure_shows_trials_that_were_held_out(quick, data, name, work, monkeypatch):
+    monkeypatch.chdir(work)
+    wanted = ("--model", str(quick), "--data", str(data), "--fold", "1", "--out", f"{name}.png")
+    assert run("plot", name, *wanted) == 0
+    assert is_drawn(f"{name}.png")
+
+
+def test_what_was_learned_without_a_fold_is_found_again_and_nothing_else(quick, data, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    wanted = ("plot", name, "--model", str(quick), "--data", str(data), "--fold", "1", "--out", "a.png")
-    assert run(*wanted) == 0
+    wanted = ("plot", "joints", "--data", str(data), "--fold", "1", "--out", "a.png", "--model")
+    assert run(*wanted, str(quick)) == 0
     assert "learning quick without fold 1: 4 of 8 trials" in capsys.readouterr().err
     assert is_drawn("a.png")
-    assert run(*wanted) == 0
-    assert "learning quick" not in capsys.readouterr().err  # it is found again
+    assert run(*wanted, str(quick)) == 0
+    assert "learning quick" not in capsys.readouterr().err
     quick_but_longer = tmp_path / "quick.toml"
     quick_but_longer.write_text(QUICK.replace("epochs = 4", "epochs = 5"))
-    assert run(*wanted[:3], str(quick_but_longer), *wanted[4:]) == 0
+    assert run(*wanted, str(quick_but_longer)) == 0
     assert "learning quick" in capsys.readouterr().err
 
 
@@ -126,15 +139,15 @@ def test_the_error_over_the_window_adds_up_to_the_error_of_the_tables(model, dat
     np.testing.assert_allclose([times_s[0], times_s[-1]], [0.025, 1.0])
 
 
-def test_buetepages_error_over_the_window_is_of_the_same_held_out_trials(quick, data, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    folds = [watched(str(quick), data, fold=fold) for fold in (0, 1)]
-    errors, _ = errors_over_window(folds)
+def test_buetepages_error_over_the_window_is_of_the_same_held_out_trials(quick, data, work, monkeypatch):
+    monkeypatch.chdir(work)
+    seen = watched(str(quick), data, fold=1)
+    errors, _ = errors_over_window([seen])
     beside = METHODS["buetepage"]
     assert list(errors) == ["MILD, ours", beside.title]
-    fitted = beside.fit(folds[1].learned, folds[1].protocol, 0)
-    shown = errors_of_trial(folds[1].trials[0], folds[1].protocol, fitted.predict(folds[1].trials[0])).squared.mean()
-    assert errors[beside.title]["hand_wave"][1].mean() == pytest.approx(shown, rel=1e-6)
+    fitted = beside.fit(seen.learned, seen.protocol, 0)
+    shown = errors_of_trial(seen.trials[0], seen.protocol, fitted.predict(seen.trials[0])).squared.mean()
+    assert errors[beside.title]["hand_wave"][0].mean() == pytest.approx(shown, rel=1e-6)
 
 
 def test_all_interactions_are_shown_at_equal_times(model, data):
