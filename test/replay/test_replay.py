@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import hashlib
 import itertools
+import subprocess
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import fields, replace
@@ -273,11 +274,12 @@ def through_nodes(
     """The first `count` commands of real nodes with `shared` parameters, the scene replayed to them in lock-step."""
     executor = SingleThreadedExecutor()
     executor.add_node(listener)
+    started: list[subprocess.Popen[str]] = []
     with ExitStack() as stack:
         for name in nodes:
             known = {entry.name for entry in fields(NODES[name])}
             values = {name: value for name, value in (shared | {"interaction": INTERACTION}).items() if name in known}
-            stack.enter_context(node(name, {"report_handled": True, "use_sim_time": True} | values))
+            started.append(stack.enter_context(node(name, {"report_handled": True, "use_sim_time": True} | values)))
         wait_until(lambda: listener.count_publishers("joint_command") > 0, "publisher of joint_command")
         replaying = {"bag": scene, "mode": "lock_step", "reporters": len(nodes)}
         known = {entry.name for entry in fields(ReplayParameters)}
@@ -286,11 +288,14 @@ def through_nodes(
         if recorded is not None:
             replaying |= {"recorders": 1, "subscribers": 2}
             recording = {"bag": recorded, "topics": "[skeleton, joint_command, handled]", "report_recorded": True}
-            stack.enter_context(node("record", recording | {"use_sim_time": True}))
+            started.append(stack.enter_context(node("record", recording | {"use_sim_time": True})))
         replay = stack.enter_context(node("replay", replaying))
+        started.append(replay)
 
         def complete() -> bool:
             executor.spin_once(timeout_sec=0.01)
+            for ended in (one for one in started if one.poll()):
+                raise AssertionError(ended.communicate()[1])
             return len(listener.commands) >= count
 
         wait_until(complete, f"{count} commands", seconds=180.0)
