@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,15 @@ from mild_ros.node_kit.quality_of_service import HANDLED
 from mild_ros.node_kit.running import giving_up, run
 from mild_ros.replay.events import with_ticks
 from mild_ros.replay.in_process import Inputs
-from mild_ros.replay.sending import LOOK_PERIOD_S, LockStep, RealTime, SubscriberWait
+from mild_ros.replay.sending import (
+    LOOK_PERIOD_S,
+    START_PIPELINE,
+    START_RECORDER,
+    LockStep,
+    RealTime,
+    SubscriberWait,
+    Wanted,
+)
 from mild_ros.replay.topics import ReplayTopics
 
 
@@ -58,11 +67,18 @@ class ReplayNode(GuardedNode):
             restamped = self._bag if given.restamp and not given.clock else None
             self._sender = RealTime(events, self._topics.send, self._topics.tick, given.rate, restamped)
         handled = self.create_subscription(Header, "handled", self._on_handled, HANDLED)
-        wanted = [(self._topics.listeners, given.subscribers)]
         recorded = self.create_subscription(Header, "recorded", self._on_recorded, HANDLED)
+        skeleton = self.resolve_topic_name("skeleton")
+        wanted = [Wanted(self._topics.listeners, given.subscribers, f"subscribers of {skeleton}", START_PIPELINE)]
         if self._in_lock_step:
-            wanted += [(handled.get_publisher_count, given.reporters), (recorded.get_publisher_count, given.recorders)]
-        self._audience = SubscriberWait(self.resolve_topic_name("skeleton"), wanted, given.patience_s)
+            # A recorder looks for topics now and then: an outcome before it hears of them would be lost to it.
+            hear = partial(self.count_subscribers, "handled")
+            wanted += [
+                Wanted(handled.get_publisher_count, given.reporters, "publishers of handled", START_PIPELINE),
+                Wanted(recorded.get_publisher_count, given.recorders, "publishers of recorded", START_RECORDER),
+                Wanted(hear, 1 + given.recorders, "subscribers of handled", START_RECORDER),
+            ]
+        self._audience = SubscriberWait(wanted, given.patience_s)
         self._paused, self._started, self._held = given.paused, False, False
         self.create_service(SetBool, "~/pause", self._on_pause)
         self._acting = self.create_timer(LOOK_PERIOD_S, self._start_when_heard, clock=steady_clock())

@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from functools import partial
+from typing import NamedTuple
 
 from rclpy.clock import Clock as RosClock
 from rclpy.clock import ClockType
@@ -29,6 +30,9 @@ REPEAT_S = 0.5
 
 MOMENT_NS = 25_000_000
 """A node that sends in real time looks after everything else between such moments."""
+
+START_PIPELINE = "start the pipeline (in lock-step with -p report_handled:=true -p use_sim_time:=true)"
+START_RECORDER = "start the recorder with -p report_recorded:=true, and let it record handled, or set recorders to 0"
 
 Send = Callable[[str, bytes], None]
 
@@ -134,7 +138,7 @@ class LockStep:
 
     def _remedy(self) -> str:
         if self._tokens == 0 and self._started:
-            return "start the recorder with -p report_recorded:=true, and let it record handled, or set recorders to 0"
+            return START_RECORDER
         return "start the nodes with -p report_handled:=true -p use_sim_time:=true, and one set of them only"
 
     @staticmethod
@@ -243,17 +247,32 @@ SETTLING_S = 0.5
 """A publisher sees a subscriber before that one sees it: they get this long."""
 
 
+class Wanted(NamedTuple):
+    """Something that has to be there before a replay begins.
+
+    Attributes:
+        found: How many there are now.
+        least: How many are wanted.
+        what: For people, behind a number.
+        remedy: What to do when they do not come.
+    """
+
+    found: Callable[[], int]
+    least: int
+    what: str
+    remedy: str
+
+
 class SubscriberWait:
     """Who is to hear a replay.
 
     Args:
-        topic: What they listen to, for messages.
-        wanted: What to count, and how many are wanted of each; the listeners first.
+        wanted: All that has to be there.
         patience_s: How long to wait.
     """
 
-    def __init__(self, topic: str, wanted: Sequence[tuple[Callable[[], int], int]], patience_s: float) -> None:
-        self._topic, self._wanted, self._patience_s = topic, wanted, patience_s
+    def __init__(self, wanted: Sequence[Wanted], patience_s: float) -> None:
+        self._wanted, self._patience_s = wanted, patience_s
         self._waited_s = self._settled_s = 0.0
 
     def is_there(self, since_s: float) -> bool:
@@ -262,12 +281,11 @@ class SubscriberWait:
         Raises:
             SetupError: They do not come.
         """
-        counts = [count() for count, _ in self._wanted]
-        heard = all(found >= wanted for found, (_, wanted) in zip(counts, self._wanted, strict=True))
+        missing = next(((found, one) for one in self._wanted if (found := one.found()) < one.least), None)
         self._waited_s += since_s
-        self._settled_s = self._settled_s + since_s if heard else 0.0
-        if not heard and self._waited_s > self._patience_s:
-            remedy = "start the pipeline (in lock-step with -p report_handled:=true -p use_sim_time:=true)"
-            problem = f"{counts[0]} subscribers of {self._topic} after {self._waited_s:.0f} s"
-            raise SetupError("replay", problem, heard_remedy(remedy))
+        self._settled_s = self._settled_s + since_s if missing is None else 0.0
+        if missing is not None and self._waited_s > self._patience_s:
+            found, one = missing
+            problem = f"{found} {one.what} after {self._waited_s:.0f} s"
+            raise SetupError("replay", problem, heard_remedy(one.remedy))
         return self._settled_s >= SETTLING_S

@@ -683,4 +683,12 @@ FAULTS = (
         "if unread and unread.total() == seen:",
         STILL,
     ),
+    Fault(
+        "a lock-step begins before its recorder listens",
+        "The first outcome is lost to the recorder, and the replay waits for it until it gives up.",
+        "mild_ros/nodes/replay_node.py",
+        'Wanted(hear, 1 + given.recorders, "subscribers of handled", START_RECORDER),',
+        'Wanted(hear, 1, "subscribers of handled", START_RECORDER),',
+        ("test/ros/test_replay_node.py",),
+    ),
 )

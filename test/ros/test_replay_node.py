@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import itertools
 import signal
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
-from std_msgs.msg import String
+from std_msgs.msg import Header, String
 from std_srvs.srv import SetBool
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -20,6 +21,8 @@ from mild_ros.bag.encoding import encode
 from mild_ros.bag.reader import jazzy_types
 from mild_ros.bag.writer import create_bag
 from mild_ros.messages.stamps import ns_from_msg, time_to_msg
+from mild_ros.node_kit.quality_of_service import HANDLED
+from mild_ros.replay.sending import SETTLING_S
 from test.ros.processes import NodeProcess, Probe
 
 START_NS, STEP_NS, COUNT = 1_700_000_000 * 10**9, 50_000_000, 40
@@ -66,3 +69,19 @@ def test_a_bag_is_played_as_asked(start: Callable[..., NodeProcess], probe: Prob
     assert node.stop(signal.SIGINT) == 0, "a loop ends on SIGINT"
     assert "/tf is not sent: the type tf2_msgs/msg/TFMessage is not installed here" in node.output()
     assert f"{COUNT} messages of types that are not installed here left out (/tf)" in node.output()
+
+
+def test_lock_step_begins_when_the_recorder_hears_of_outcomes(
+    start: Callable[..., NodeProcess], probe: Probe, bag: Path
+) -> None:
+    """A recorder looks for topics now and then, so that it reports before it listens."""
+    probe.listen(MarkerArray, "skeleton", 1000)
+    clocks = probe.listen(Clock, "clock", 1000)
+    publishers = [probe.node.create_publisher(Header, topic, HANDLED) for topic in ("handled", "recorded")]
+    start("replay", bag=bag, mode="lock_step", recorders=1, joint_states="home")
+    probe.until(lambda: all(one.get_subscription_count() for one in publishers), "a replay that listens")
+    begin_s = time.monotonic()
+    probe.until(lambda: time.monotonic() - begin_s > 3 * SETTLING_S, "what settles to have settled")
+    assert not clocks
+    probe.listen(Header, "handled", 1000)
+    probe.until(lambda: bool(clocks), "the first tick")
