@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What speaks against an arm that shall meet people's hands: a line for each, or a refusal where it never can."""
+"""What speaks against an arm that is to meet people's hands: a line for each, or a refusal where it never can."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ HANDS_M = (0.4, 2.0)
 """Heights above the floor at which people, children among them, hold a hand out."""
 
 FREE_JOINTS = 4
-"""An arm of fewer has no choice how to hold the elbow, when its hand is where it shall be."""
+"""An arm of fewer has no choice how to hold the elbow, when its hand is in place."""
 
 BEYOND_M = 0.08
 """What moves and ends so far beyond the tool link pokes the hand that is met."""

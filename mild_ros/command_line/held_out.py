@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Generator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,13 +15,13 @@ from mild_core.errors import SetupError
 from mild_core.resources import model_folder, model_names
 from mild_core.shapes import FloatArray
 from mild_ros.command_line.console import Console
+from mild_ros.command_line.train import with_progress
 
 if TYPE_CHECKING:
     from mild_core.inference.motion_model import MildModel
     from mild_core.learning.data.demonstration import Demonstration
     from mild_core.learning.data.recording import Recording
     from mild_core.learning.data.windows import Protocol
-    from mild_core.learning.training.algorithm import EpochReport
     from mild_core.learning.training.configuration import Configuration
     from mild_core.learning.training.trained import TrainedModel
 
@@ -144,7 +143,7 @@ def _learn(
 
     learned, held_out = trials
     protocol = recording.protocols[asked.protocol]
-    trained = _with_progress(train(learned, protocol, asked.settings, asked.seed, (), start_of(asked)))
+    trained = with_progress(train(learned, protocol, asked.settings, asked.seed, (), start_of(asked)))
     training = {"dataset": recording.known_as, "identity": wanted, "configuration": asked.text}
     residual, regions, placement = _measured(name, trained, learned)
     facts = ModelFacts(folder.name, recording.robot, recording.observed_side, training=training, **placement)
@@ -177,19 +176,3 @@ def _measured(
             return model.residual_covariance, regions, {"placement": model.manifest.robot_from_human}
     errors = [errors_of_trial(trial, trained.protocol, trained.predict(trial)) for trial in learned]
     return np.mean([one.covariance for one in errors], axis=0), {}, {}
-
-
-def _with_progress(epochs: Generator[EpochReport, None, TrainedModel]) -> TrainedModel:
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task("learning", total=None)
-        while True:
-            try:
-                report = next(epochs)
-            except StopIteration as end:
-                trained: TrainedModel = end.value
-                return trained
-            done = report.member * report.epochs + report.epoch + 1
-            progress.update(task, completed=done, total=report.members * report.epochs)

@@ -18,7 +18,7 @@ from mild_core.errors import SetupError
 from mild_core.resources import model_folder
 
 if TYPE_CHECKING:
-    from collections.abc import Generator
+    from collections.abc import Callable, Generator
 
     from mild_core.inference.manifest import HumanPlacement
     from mild_core.learning.data.demonstration import Demonstration
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from mild_core.learning.training.checkpoint import Checkpoint
     from mild_core.learning.training.configuration import Configuration
     from mild_core.learning.training.settings import TrainingSettings
+    from mild_core.learning.training.snapshot import Snapshot
     from mild_core.learning.training.trained import TrainedModel
 
 EXIT_INTERRUPTED = 130
@@ -196,7 +197,7 @@ def _measured(path: Path | None, asked: Configuration, recording: Recording) -> 
 def _finished(epochs: Generator[EpochReport, None, TrainedModel], checkpoint: Checkpoint) -> TrainedModel:
     """Run the training to its end, or leave what it can go on from."""
     try:
-        return _with_progress(epochs, checkpoint)
+        return with_progress(epochs, checkpoint.write)
     except KeyboardInterrupt:
         with suppress(OSError):  # only a folder that was made for this is empty
             checkpoint.folder.parent.rmdir()
@@ -210,8 +211,10 @@ def _finished(epochs: Generator[EpochReport, None, TrainedModel], checkpoint: Ch
         raise SetupError(str(checkpoint.folder), problem, "delete it to start over") from None
 
 
-def _with_progress(epochs: Generator[EpochReport, None, TrainedModel], checkpoint: Checkpoint) -> TrainedModel:
-    """Run the training and keep each epoch; a bar shows epoch and losses."""
+def with_progress(
+    epochs: Generator[EpochReport, None, TrainedModel], keep: Callable[[int, Snapshot], None] | None = None
+) -> TrainedModel:
+    """Run a training and keep each epoch; a bar shows epoch and losses."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     from mild_ros.command_line.console import Console
@@ -226,7 +229,8 @@ def _with_progress(epochs: Generator[EpochReport, None, TrainedModel], checkpoin
             except StopIteration as end:
                 trained: TrainedModel = end.value
                 return trained
-            checkpoint.write(report.member, report.snapshot)
+            if keep is not None:
+                keep(report.member, report.snapshot)
             losses = f"prediction {report.prediction:.4f} human {report.observed:.4f} robot {report.controlled:.4f}"
             if not math.isnan(report.validation):
                 progress.console.print(f"{report.epochs} epochs: error on held-out trials {report.validation:.4f}")
