@@ -121,8 +121,8 @@ def check(settings: Any) -> None:
     """
     for entry in fields(settings):
         if "about" in entry.metadata:
-            value = getattr(settings, entry.name)
-            checked(entry, float(value) if isinstance(entry.default, float) else value)
+            value = getattr(settings, entry.name)  # of numpy's own types too
+            checked(entry, type(entry.default)(value) if isinstance(entry.default, float | str) else value)
 
 
 def _within(value: float, minimum: float | None, maximum: float | None) -> bool:

@@ -18,7 +18,7 @@ Source: ours; `docs/strangers.md` has the measurements. Reservoirs: `reservoir.p
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -59,8 +59,8 @@ with a hand at rest."""
 
 PERIOD_NS = round(1e9 / RATE_HZ)
 
-DISTANCE, FROM_REST = 24, 30
-"""Places among the features of the hand's distance from its rest, and of its place seen from there."""
+HAND, DISTANCE, FROM_REST = slice(3, 6), 24, 30
+"""Places among the features of the hand, its distance from its rest, and its place seen from there."""
 
 ONSET_DISTANCE = 0.35
 """A hand this far from its rest [arm lengths] may start an interaction."""
@@ -90,6 +90,15 @@ DOUBT = 2.0
 
 NEVER = -10.0
 """Log-odds of a known interaction before anything was seen."""
+
+HELD, HELD_AFTER_S, WAVES_AGAIN, MOST_STRAYS = 0.08, 0.3, 0.2, 0.25
+"""A raised hand that strays less than the first from its mean place [arm lengths, root mean square over a third of a
+second, each of the last at most] for so long is held out: no wave, and no motion that would have to be known. It stays
+so until it is back at rest or strays more than the third. None of 56 recorded waves is held, with 3 cm of noise or not.
+"""
+
+STRAYS_SHARE = 1.0 - float(np.exp(-1.0 / (RATE_HZ * 0.3)))
+"""Share that is new at each sample of that mean."""
 
 EVIDENCE_SHARE = 1.0 - float(np.exp(-1.0 / (RATE_HZ * 0.5)))
 """Share that is new at each sample in the running means over half a second."""
@@ -193,6 +202,10 @@ class GestureState:
         walking: Running mean of the shoulder's speed [arm lengths/s].
         allowed_s: For how long evidence and distance have allowed to start.
         started: Whether the person may be taken to do a known interaction.
+        place: (3,) mean of where the hand has been lately [arm lengths from the shoulder].
+        strays: Mean square of its distance from there.
+        still_s: For how long it has strayed little, away from its rest.
+        held: Whether the hand is held out.
     """
 
     stamp_ns: int | None
@@ -210,6 +223,10 @@ class GestureState:
     walking: float
     allowed_s: float
     started: bool
+    place: FloatArray = field(default_factory=lambda: read_only(np.zeros(3)))
+    strays: float = 0.0
+    still_s: float = 0.0
+    held: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -336,8 +353,16 @@ class GestureRecogniser:
             started = active_s > 0.0 and permit > start - DOUBT
         else:
             started = allowed_s > hold_s and walking < WALKING
+        off = features[HAND] - state.place
+        strays = state.strays + STRAYS_SHARE * (min(float(off @ off), MOST_STRAYS**2) - state.strays)
+        still_s = state.still_s + 1.0 / RATE_HZ if distance > ONSET_DISTANCE and strays < HELD**2 else 0.0
+        held = (state.held and strays < WAVES_AGAIN**2 and active_s > 0.0) or still_s > HELD_AFTER_S
         return replace(
             state,
+            place=read_only(state.place + STRAYS_SHARE * off),
+            strays=strays,
+            still_s=still_s,
+            held=held,
             evidence=read_only(state.evidence + EVIDENCE_SHARE * (log_softmax(known[:-1]) - state.evidence)),
             permit=permit,
             familiar=familiar,

@@ -22,9 +22,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mild_core.errors import DataError
-from mild_core.inference.gesture_recogniser import UNDECIDED_S, GestureState, unit_arm
+from mild_core.inference.gesture_recogniser import GESTURES, UNDECIDED_S, GestureState, unit_arm
 from mild_core.inference.manifest import AUTO
 from mild_core.inference.member import (
     ConditionedEnsemble,
@@ -110,6 +111,12 @@ class Inference:
         """Numbers of the interactions that may be the one."""
         names = self.model.manifest.interactions
         return tuple(range(len(names))) if self.interaction == AUTO else (names.index(self.interaction),)
+
+    @cached_property
+    def _waves(self) -> NDArray[np.bool_]:
+        """(P,) which interactions are waves: hands that are held out do not wave."""
+        waves: NDArray[np.bool_] = np.asarray(self.model.gesture_classes) == GESTURES.index("wave")
+        return waves
 
     @cached_property
     def _merger(self) -> JointMerger:
@@ -281,8 +288,10 @@ class Inference:
         trust = min(max((FAR - ood_score) / (FAR - NEAR), 0.0), 1.0)
         own_nats = np.maximum(np.log(own.probabilities + 1e-12), -OWN_NATS)
         log_odds = trust * own_nats + gestures.evidence[self.model.gesture_classes]
+        if gestures.held and not self._waves.all():
+            log_odds = np.where(self._waves, -np.inf, log_odds)
         weights = np.exp(log_odds - log_odds.max())
-        known = gestures.active_s <= UNDECIDED_S or gestures.started or self._familiar(own, ood_score)
+        known = gestures.active_s <= UNDECIDED_S or gestures.started or gestures.held or self._familiar(own, ood_score)
         novelty = self._novelty(ood_score, gestures)
         score = min(ood_score, KNOWN * min(novelty, 1.0)) if known else 1.0 + 0.5 * min(novelty, 2.0)
         return Recognition(own.evidence, weights / weights.sum()), score
@@ -320,7 +329,7 @@ class Inference:
         same = published is not None and before.named and published.likeliest == recognition.likeliest
         if started and recognition.probability >= (DECIDED if same else CERTAIN):
             return NAMED
-        return OFFERED if gestures.active_s <= UNDECIDED_S or started else NONE
+        return OFFERED if gestures.active_s <= UNDECIDED_S or started or gestures.held else NONE
 
     def _measured(self, state: InferenceState, given: JointMeasurement, now_ns: int) -> InferenceState:
         """The state after the robot said where it is: its start, unless a person is there whom it may be answering."""

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from mild_core.errors import DataError
-from mild_core.shapes import FloatArray
-from mild_core.signals import ARM_FRAME, ROBOT_FRAME, PersonPose
+from mild_core.shapes import FloatArray, read_only
+from mild_core.signals import ARM_FRAME, ROBOT_FRAME, UNKNOWN_DIRECTION, PersonPose
 
 POSITION_GAIN = 0.75
 VELOCITY_GAIN = POSITION_GAIN**2 / (2.0 - POSITION_GAIN)
@@ -20,6 +20,15 @@ VELOCITY_GAIN = POSITION_GAIN**2 / (2.0 - POSITION_GAIN)
 
 LOST_S, GONE_S = 0.3, 2.0
 """After a longer time without the hand its speed, or even whose it is and where it rests, is not known any more."""
+
+NOISE_SHARE = 0.1
+"""Share that is new at each message in the tracker's noise."""
+
+MOVED_DEVIATIONS = 4.0
+"""A hand seen so many standard deviations of that noise from its mean place has moved; one in a thousand has not."""
+
+MEAN_S, SURE_MEANS = 0.4, 3
+"""A hand that does not move is where it was on the mean of so long, if it was seen so often; else where it was last."""
 
 LONGEST_GUESS_S = 0.15
 """A hand goes on at its speed for no longer than this: then it may have turned."""
@@ -109,6 +118,10 @@ class HumanTrack:
         farthest_m: How far from there it has come since it was raised.
         still_m: (3,) where it last was still ...
         still_ns: ... and since when it has been near that place.
+        seen_m: (2, 3) where the tracker put it in the newest two messages.
+        noise_m: Standard deviation of each coordinate of what the tracker says, as seen while the hand rested.
+        mean_m: (3,) mean of where it was seen since it has not moved, as far as the noise lets one know ...
+        means: ... and of how many messages; 0 while it moves.
     """
 
     frame_id: str
@@ -122,6 +135,10 @@ class HumanTrack:
     farthest_m: float
     still_m: FloatArray
     still_ns: int
+    seen_m: FloatArray = field(default_factory=lambda: read_only(np.full((2, 3), np.nan)))
+    noise_m: float = 0.0
+    mean_m: FloatArray = field(default_factory=lambda: UNKNOWN_DIRECTION)
+    means: int = 0
 
     def hand_at(self, time_ns: int) -> FloatArray:
         """(3,) the hand at a time that is not long after it was seen."""
@@ -154,6 +171,10 @@ class HumanTrack:
             error = pose.hand_m - guessed
             hand = guessed + POSITION_GAIN * error
             velocity = self.velocity_m_s + VELOCITY_GAIN / elapsed_s * error
+        mean, means = self._mean_with(pose.hand_m, elapsed_s)
+        if means > 1:
+            share = min(1.0, (means - 1) / SURE_MEANS)
+            hand, velocity = hand + share * (mean - hand), (1.0 - share) * velocity
         moved = math.dist(hand, self.still_m) > STILL_M
         seen = replace(
             self,
@@ -161,10 +182,28 @@ class HumanTrack:
             hand_ns=pose.stamp_ns,
             hand_m=hand,
             velocity_m_s=velocity,
+            seen_m=np.stack([self.seen_m[1], pose.hand_m]),
+            noise_m=self._noise_with(pose.hand_m),
+            mean_m=mean,
+            means=means,
             still_m=hand if moved else self.still_m,
             still_ns=pose.stamp_ns if moved else self.still_ns,
         )
         return seen._with_rest()
+
+    def _noise_with(self, seen_m: FloatArray) -> float:
+        """The tracker's noise after one more message: second differences of white noise have six times its variance."""
+        jerked = seen_m - 2.0 * self.seen_m[1] + self.seen_m[0]
+        if self.raised or not np.isfinite(jerked).all():
+            return self.noise_m
+        return math.sqrt(self.noise_m**2 + NOISE_SHARE * (float(jerked @ jerked) / 18.0 - self.noise_m**2))
+
+    def _mean_with(self, seen_m: FloatArray, elapsed_s: float) -> tuple[FloatArray, int]:
+        """Mean of where the hand is seen while it does not move, and of how many messages."""
+        if not self.means or math.dist(seen_m, self.mean_m) > MOVED_DEVIATIONS * self.noise_m:
+            return seen_m, 1
+        means = min(self.means + 1, max(round(MEAN_S / max(elapsed_s, 1e-3)), 2))
+        return self.mean_m + (seen_m - self.mean_m) / means, means
 
     def _with_rest(self) -> HumanTrack:
         """Whether the hand is raised now."""

@@ -91,6 +91,9 @@ ASSUMED = "the camera is not measured: hands may touch as allow_unmeasured_conta
 WAITS_S = 1.2
 """A hand that has been raised for longer and is held out waits to be met: the learned one has had time to come near."""
 
+WAITING_S = 0.15
+"""A hand that has been still for so long is held out; it may be met as fast as a known one, whatever it is for."""
+
 NEVER = "the model names no interaction in which hands touch; name them under contact in its manifest, or set ik to off"
 """Why hands are never brought together."""
 
@@ -514,13 +517,14 @@ class Retargeting:
             aimed, touch = self._contact.aim(aimed, *given, here_rad, elapsed_s, waits=waits, relaxed=state.relaxed)
             aimed = np.minimum(np.maximum(aimed, self._lower), self._upper)
         pursuit = state.pursuit or RampIn.onto(aimed, self._limiter.resting_place(motion))
-        hurry = 0.0 if touch is None or plan.gentle else touch.share * self._guard.nearness(state.near_m)
-        ramp_rad_s = self.settings.ramp_velocity_rad_s * (GENTLE if plan.gentle else 1.0)
+        gentle = plan.gentle and not (touch is not None and not plan.interaction and self._waits(state))
+        hurry = 0.0 if touch is None or gentle else touch.share * self._guard.nearness(state.near_m)
+        ramp_rad_s = self.settings.ramp_velocity_rad_s * (GENTLE if gentle else 1.0)
         pursuit, target = pursuit.nearer(aimed, ramp_rad_s, hurry, elapsed_s)
         # A plan that turns takes what is left to catch up with along, beyond the limits too.
         target = np.minimum(np.maximum(target, self._lower), self._upper)
         before = np.array(pursuit.target_rad)
-        if plan.gentle:
+        if gentle:
             # Beside the learned motion itself, which goes as fast as its people did.
             learned_rad = np.abs(learned - self._wanted(plan, motion, now_ns - round(elapsed_s * 1e9)))
             most_rad = UNHURRIED * ramp_rad_s * elapsed_s + learned_rad
@@ -528,6 +532,11 @@ class Retargeting:
         target = self._guard.limit_speed(before, target, here, among, state.crowded, elapsed_s)
         pursuit = pursuit.at(target, aimed)
         return replace(state, touch=touch, pursuit=pursuit), pursuit.target_rad
+
+    @staticmethod
+    def _waits(state: RetargetingState) -> bool:
+        """Whether the hand is held out and still: it waits to be met."""
+        return state.sight is not None and state.sight.offered() and state.sight.still_s() > WAITING_S
 
     def _hand(self, state: RetargetingState, now_ns: int) -> FloatArray:
         """(3,) the watched hand in the base frame when this command has been carried out; NaN if that is not known."""

@@ -38,6 +38,7 @@ COMMANDS = {
     "pause": "Pauses a running replay, or resumes it with --off.",
     "label": "Labels the interaction that starts now, in a recording for training.",
     "faults": "Injects faults around real nodes and checks the commands.",
+    "benchmark": "Lets simulated people meet a robot and counts how often hands are met.",
     "data": "Lists public recordings with licence and size, and fetches them.",
     "measure": "Runs the benches behind the figures that README and docs print.",
     "demonstrations": "Cuts recorded bags into labelled trials for training.",

@@ -14,6 +14,30 @@ PLOT_TESTS = ("test/command_line/test_plot.py",)
 
 FAULTS = (
     Fault(
+        "a hand that is held out waves",
+        "A hand that is held out still is named a wave, and not met.",
+        STAGE,
+        "if gestures.held and not self._waves.all():",
+        "if gestures.held and self._waves.all():",
+        TESTS,
+    ),
+    Fault(
+        "a hand is held out in vain",
+        "A hand that is held out for longer than two seconds without a name is given up.",
+        STAGE,
+        "return OFFERED if gestures.active_s <= UNDECIDED_S or started or gestures.held else NONE",
+        "return OFFERED if gestures.active_s <= UNDECIDED_S or started else NONE",
+        TESTS,
+    ),
+    Fault(
+        "a slow wave is held out",
+        "A hand that waves is taken to be held out.",
+        RECOGNISER,
+        "distance > ONSET_DISTANCE and strays < HELD**2 else 0.0",
+        "distance > ONSET_DISTANCE else 0.0",
+        TESTS,
+    ),
+    Fault(
         "caution asks for no more evidence",
         "A cautious robot starts as soon as any other.",
         RECOGNISER,

@@ -13,8 +13,8 @@ import pytest
 from mild_core.errors import SetupError
 from mild_core.retargeting.robots import ROBOTS
 from mild_ros.assembly.perception import robot_from_camera as read_camera
+from mild_ros.benchmark.bodies import HANGING, KINECT_JOINTS, Person, Sizes, arm_path, capsules_of, path
 from test.bench import people
-from test.bench.around_people.bodies import HANGING, KINECT_JOINTS, Person, Sizes, arm_path, capsules_of, path
 from test.bench.around_people.judge import Judgement, exceeded_limits, judge, shapes_of
 from test.bench.around_people.page import CLAIMS, measured_part, page
 from test.bench.around_people.run import Expectation, Run, Setting, camera_text, robot_from_camera

@@ -32,6 +32,12 @@ elbow goes, and 10 degrees of it are paid with less than a millimetre at the han
 DAMPING = 0.5
 """Of a step, times the square of the error: a target out of reach is neared without swinging from side to side."""
 
+CONTORTED_M = 0.1
+"""An arm whose hand is further away than this is on its way, not contorted: its posture is worth no more for it."""
+
+HALVINGS = 3
+"""Times that a step is halved that would come no nearer; without it one in six targets is circled for ever."""
+
 SOLVED = 1
 """What DAQP says of a program that it has solved."""
 
@@ -102,15 +108,34 @@ class InverseKinematics:
         """
         at: FloatArray = np.minimum(np.maximum(start_rad, self._lower), self._upper)
         for _ in range(steps):
-            hessian, gradient = self._program(at, reaches, posture_rad)
+            hessian, gradient, pull, cost = self._program(at, reaches, posture_rad)
             moved, _, found, _ = self._solve(hessian, gradient, self._no_rows, self._upper - at, self._lower - at)
             if found != SOLVED:
                 break
-            at = np.minimum(np.maximum(at + moved, self._lower), self._upper)
+            for _ in range(HALVINGS):
+                there: FloatArray = np.minimum(np.maximum(at + moved, self._lower), self._upper)
+                if self._cost(there, reaches, posture_rad, pull) <= cost:
+                    at = there
+                    break
+                moved = 0.5 * moved
         return at
 
-    def _program(self, at: FloatArray, reaches: Sequence[Reach], posture: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(J, J) and (J,) of the quadratic program for the step from `at`: squares of what is left of every error."""
+    def _cost(self, at: FloatArray, reaches: Sequence[Reach], posture: FloatArray, pull: float) -> float:
+        """What a step makes less: squares of what is left of every error."""
+        bodies, model, data = self._bodies, self._model, self._data
+        bodies.forwardKinematics(model, data, self._spread @ at + self._shift)
+        behind = at - posture
+        cost = pull * float(behind @ behind)
+        for reach in reaches:
+            placed = bodies.updateFramePlacement(model, data, self._frames[reach.link]).translation
+            left = reach.weight * (reach.point_m - placed)
+            cost += float(left @ left)
+        return cost
+
+    def _program(
+        self, at: FloatArray, reaches: Sequence[Reach], posture: FloatArray
+    ) -> tuple[FloatArray, FloatArray, float, float]:
+        """(J, J) and (J,) of the quadratic program for the step from `at`, what the posture is worth, and the cost."""
         bodies, model, data = self._bodies, self._model, self._data
         bodies.computeJointJacobians(model, data, self._spread @ at + self._shift)
         rows, left = [], []
@@ -120,9 +145,10 @@ class InverseKinematics:
             rows.append(reach.weight * bodies.getFrameJacobian(model, data, frame, bodies.LOCAL_WORLD_ALIGNED)[:3])
         jacobian, left_m = np.concatenate(rows) @ self._spread, np.concatenate(left)
         square = float(left_m @ left_m)
-        pull = POSTURE_COST**2 + self._relent * square
+        pull = POSTURE_COST**2 + self._relent * min(square, CONTORTED_M**2)
         hessian = jacobian.T @ jacobian + (pull + DAMPING * square) * np.eye(len(at))
-        return hessian, pull * (at - posture) - left_m @ jacobian
+        behind = at - posture
+        return hessian, pull * behind - left_m @ jacobian, pull, square + pull * float(behind @ behind)
 
 
 SOFT = 8

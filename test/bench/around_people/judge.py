@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 
 from mild_core.compiled import compiled
 from mild_core.retargeting.robots import ROBOTS
+from mild_ros.benchmark.bodies import Array, Capsule, Person, capsules_of
 from mild_ros.simulation.bullet import load_pybullet
 from mild_ros.simulation.quiet import quiet_terminal
-from test.bench.around_people.bodies import Array, Capsule, Person, capsules_of
 from test.bench.around_people.run import Run, Setting
 from test.bench.braking import SHARE, braking_joints
 

@@ -21,7 +21,7 @@ from mild_core.signals import FeatureWindow, JointMeasurement, MotionWindow, Ske
 from mild_ros.assembly.inference import load
 from mild_ros.assembly.pipeline import make_pipeline
 from mild_ros.assembly.settings import PipelineParameters
-from test.bench.around_people.bodies import KINECT_JOINTS, Array, Person
+from mild_ros.benchmark.bodies import KINECT_JOINTS, Array, Person
 
 START_NS, TICK_NS = 1_700_000_000_000_000_000, 10_000_000
 MEASURED_NS, LAG_NS = 20_000_000, 50_000_000

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from mild_core.retargeting.robots import ROBOTS
-from test.bench.around_people.bodies import (
+from mild_ros.benchmark.bodies import (
     HANGING,
     HEAD_JOINTS,
     KINECT_JOINTS,

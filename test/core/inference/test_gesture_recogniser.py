@@ -23,11 +23,12 @@ from mild_core.inference.gesture_recogniser import (
     unit_arm,
 )
 from mild_core.inference.model import load_model
+from mild_core.inference.recognition import recognise, uniform_belief
 from mild_core.inference.stage import Inference
 from mild_core.learning.training.gestures import GestureSettings, background_arms
 from mild_core.retargeting.settings import RetargetingSettings
 from mild_core.shapes import FloatArray
-from mild_core.signals import NAMED, OFFERED, FeatureWindow
+from mild_core.signals import NAMED, NONE, OFFERED, FeatureWindow
 
 ROOT = Path(__file__).resolve().parent.parent.parent.parent
 
@@ -207,3 +208,40 @@ def test_how_familiar_a_motion_is_does_not_saturate(shipped: GestureRecogniser) 
     assert doubted.familiar_nats == pytest.approx(0.5 * sure.familiar_nats, rel=1e-6)
     assert doubted.familiar < sure.familiar
     assert played(shipped, np.repeat(waving(1), 40, axis=0))[-1].familiar == 1.0
+
+
+def held_out(frames: int, rate_hz: float = 20.0) -> FloatArray:
+    """A person who raises the hand to where it could wave, and keeps it there."""
+    waved = waving(frames, rate_hz)
+    risen = round(2.4 * rate_hz)
+    return np.concatenate([waved[:risen], np.repeat(waved[risen : risen + 1], frames - risen, axis=0)])
+
+
+def test_a_hand_that_is_held_out_is_no_wave_and_stays_offered(shipped: GestureRecogniser) -> None:
+    noise = 0.02 * np.random.default_rng(0).normal(size=(160, 1, 3)) * np.array([[0.0], [0.0], [1.0]])
+    for arm in (held_out(160), held_out(160) + noise):
+        states = played(shipped, arm)
+        assert not any(state.held for state in states[:48])
+        assert all(state.held for state in states[80:])
+    assert not any(state.held for state in played(shipped, waving(160)))
+    back = np.concatenate([held_out(100), np.repeat(waving(1), 60, axis=0)])
+    assert not played(shipped, back)[-1].held
+
+
+def test_a_held_hand_is_not_named_a_wave() -> None:
+    stage = Inference(load_model(ROOT / "models" / "yumi_buetepage_ahead"))
+    rest = stage.model.gestures
+    assert rest is not None
+    waves = replace(played(rest, waving(80))[-1], started=True)
+    own = recognise(uniform_belief(4), np.zeros(4), 1.0, 0.0)
+    wave = stage.model.manifest.interactions.index("hand_wave")
+    assert stage._carried_over(own, 0.9, waves)[0].likeliest == wave
+    held = replace(waves, held=True)
+    recognition, _ = stage._carried_over(own, 0.9, held)
+    assert recognition.probabilities[wave] == 0.0
+    late = replace(held, active_s=5.0, started=False)
+    before = stage.init()
+    doubtful = replace(recognition, probabilities=np.full(4, 0.25))
+    assert stage._state_name(doubtful, False, late, before) == OFFERED
+    assert stage._carried_over(own, 2.0, late)[1] <= 0.5
+    assert stage._state_name(doubtful, False, replace(late, held=False), before) == NONE

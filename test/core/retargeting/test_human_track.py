@@ -200,3 +200,43 @@ def test_a_pose_that_cannot_be_used_is_refused_by_its_reason(given: PersonPose, 
         check_pose(given)
     assert refused.value.reason == reason
     check_pose(pose(0.0, NOWHERE))
+
+
+def noisy(noise_m: float, seed: int, moves: object) -> list[HumanTrack]:
+    """Tracks of a hand that rests for two seconds and then is where `moves(time)` says, seen with noise."""
+    rng, sight, found = np.random.default_rng(seed), None, []
+    for frame in range(round(4.0 * RATE_HZ)):
+        time_s = frame / RATE_HZ
+        hand = np.zeros(3) if time_s < 2.0 else moves(time_s - 2.0)  # type: ignore[operator]
+        given = pose(time_s, hand + noise_m * rng.normal(size=3))
+        sight = seen_again(sight, given, given.stamp_ns)
+        assert sight is not None
+        found.append(sight)
+    return found
+
+
+@pytest.mark.parametrize("noise_m", [0.005, 0.01, 0.02])
+def test_a_still_hand_is_where_it_is_on_the_mean(noise_m: float) -> None:
+    place = np.array([0.3, 0.1, 0.4])
+    tracks = [each for seed in range(5) for each in noisy(noise_m, seed, lambda t: min(t / 0.5, 1.0) * place)[90:]]
+    off = np.array([each.hand_at(each.hand_ns + 40_000_000) - place for each in tracks])
+    assert np.sqrt((off**2).mean()) < 0.6 * noise_m
+    assert np.mean([each.noise_m for each in tracks]) == pytest.approx(noise_m, rel=0.4)
+
+
+def test_a_hand_that_starts_to_move_is_followed_at_once() -> None:
+    """Half a metre per second, from the mean of 0.4 s of rest, with 1 cm of noise."""
+    place = np.array([0.4, 0.0, 0.3])
+
+    def moves(time_s: float) -> np.ndarray:
+        return min(time_s / 0.4, 1.0) * place + max(time_s - 1.0, 0.0) * np.array([0.0, 0.5, 0.0])
+
+    off = [
+        np.linalg.norm(each.hand_m - moves(1.0 + frame / RATE_HZ))
+        for seed in range(5)
+        for frame, each in enumerate(noisy(0.01, seed, moves)[90:])
+        if frame > 6
+    ]
+    assert np.mean(off) < 0.03
+    clean = noisy(0.0, 0, moves)
+    assert all(each.means <= 1 for each in (*clean[62:71], *clean[92:])), "without noise every motion is one"

@@ -74,3 +74,18 @@ def test_two_links_are_placed_at_once_and_equal_calls_give_equal_bits(solver: In
 def test_an_unknown_link_is_one_clear_line() -> None:
     with pytest.raises(SetupError, match="is unknown"):
         InverseKinematics(YUMI, ("yumi_hand",))
+
+
+def test_far_targets_are_reached_and_none_is_circled() -> None:
+    """From the wanted posture, which is worth more where a hand does not come to its place."""
+    drawn = InverseKinematics(YUMI, (YUMI.tool_link,), MARGIN_RAD, relent=1.0)
+    left, circling = [], []
+    for posture, end in zip(some_poses(24, 0.3), some_poses(72, 0.8)[48:], strict=True):
+        target, joints, last = place(end), posture, posture
+        for _ in range(120):
+            last, joints = joints, drawn.step(joints, [Reach(YUMI.tool_link, target)], posture)
+        left.append(float(np.linalg.norm(place(joints) - target)))
+        circling.append(float(np.abs(joints - last).max()))
+    assert np.median(left) < 2e-3
+    assert sum(one > 0.1 for one in left) <= 1
+    assert max(circling) < 2e-3

@@ -455,14 +455,18 @@ def test_a_hand_that_is_offered_is_answered_gently_before_it_has_a_name() -> Non
     slow = RetargetingSettings(ramp_velocity_rad_s=0.3)
     run, eager = Around(slow), Around(slow)
     run.live(0.6, interaction="", state=RESTING)
-    unnamed = _started(run, GREETING, interaction="", state=OFFERED)
-    assert unnamed <= _started(eager, GREETING) < 0.8
+
+    def moving(time_s: float) -> FloatArray:
+        return GREETING(time_s) + 0.1 * (np.sin(6.0 * time_s) * LEFT + np.cos(6.0 * time_s) * UP)
+
+    unnamed = _started(run, moving, interaction="", state=OFFERED)
+    assert unnamed <= _started(eager, moving) < 0.8
 
     def fastest_rad_s(after: Around) -> float:
         following = [command for command in after.commands if command.mode == "following"][:150]
         return max(float(np.abs(command.velocities_rad_s).max()) for command in following)
 
-    gentle_rad_s = 1.1 * GENTLE * slow.ramp_velocity_rad_s
+    gentle_rad_s = 1.4 * GENTLE * slow.ramp_velocity_rad_s  # the planner overshoots behind a hand that moves
     assert fastest_rad_s(run) < gentle_rad_s < 0.9 * fastest_rad_s(eager)
     run.live(0.5, MET_M, AWAY, interaction="", state=NONE)
     assert run.last.mode == "holding", "in the end it was none"
@@ -522,13 +526,17 @@ def offered_hand(run: Around, seconds: float) -> None:
     run.live(seconds, lambda t: REST_M + min(t / 0.8, 1.0) * (REACH_M - REST_M), AWAY, **OFFER, may_start=True)
 
 
-def test_an_offered_hand_is_met_slowly_by_inverse_kinematics_where_it_is_measured() -> None:
+def test_an_offered_hand_is_met_by_inverse_kinematics_and_slowly_until_it_waits() -> None:
     run = Around()
-    offered_hand(run, 3.0)
-    assert run.last.mode == "following"
-    assert np.linalg.norm(tool_m(run) - REACH_M) < 0.03
+    offered_hand(run, 0.9)
     gentle = GENTLE * run.retargeting.settings.ramp_velocity_rad_s
     assert 0.5 * gentle < speeds_rad_s(run).max() < 1.15 * gentle, "the planner may overshoot a little"
+    since = len(run.commands)
+    run.live(0.6, REACH_M, AWAY, **OFFER, may_start=True)
+    assert run.last.mode == "following"
+    assert np.linalg.norm(tool_m(run) - REACH_M) < 0.03
+    assert speeds_rad_s(run, since).max() > 1.15 * gentle, "a hand that waits is met as fast as one with a name"
+    run.live(1.5, REACH_M, AWAY, **OFFER, may_start=True)
     # The hand turns back: the robot's follows it as far as it reaches, and goes home when it has come to rest.
     since = len(run.commands)
     run.live(0.7, lambda t: REACH_M + 0.2 * t * (REST_M - REACH_M), AWAY, **OFFER, may_start=False)
