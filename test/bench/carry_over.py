@@ -62,33 +62,33 @@ def layers_of(configuration: Configuration, trials: Sequence[Demonstration], see
     return {f"{name}.{key}": array for name, chain in chains.items() if chain for key, array in chain.arrays().items()}
 
 
-def sources_of(target: Configuration, name: str, seed: int) -> list[Layers]:
+def sources_of(target: Configuration, name: str, seed: int, folds: int) -> list[Layers]:
     """What to start from, for each fold: learned from people who are not held out there."""
     source = read_configuration(name)
     trials = trials_of(source)
     if SAME_PEOPLE.get(target.dataset) != source.dataset:
-        return [layers_of(source, trials, seed)] * FOLDS
-    return [layers_of(source, fold.learned, seed) for fold in folds_of(trials)]
+        return [layers_of(source, trials, seed)] * folds
+    return [layers_of(source, fold.learned, seed) for fold in folds_of(trials)[:folds]]
 
 
 def errors_from(target: Configuration, starts: Sequence[Layers | None], seed: int) -> list[TrialErrors]:
-    """Errors of all trials, each by the network that did not learn from it."""
+    """Errors of the trials of as many folds, each by the network that did not learn from it."""
     protocol = recording_named(target.dataset).protocols[target.protocol]
     found = []
-    for fold, start in zip(folds_of(trials_of(target)), starts, strict=True):
+    for fold, start in zip(folds_of(trials_of(target))[: len(starts)], starts, strict=True):
         predictor = learn(fold.learned, protocol, alone(target), seed, start)
         found += [errors_of_trial(trial, protocol, predictor.predict(trial)) for trial in fold.held_out]
     return found
 
 
-def measure(name: str, seeds: int) -> None:
+def measure(name: str, seeds: int, folds: int) -> None:
     """One configuration, from nothing and from each model that it may start from."""
     target = read_configuration(name)
     recording = recording_named(target.dataset)
     errors: dict[str, list[list[TrialErrors]]] = {}
     for seed in range(seeds):
-        starts: dict[str, Sequence[Layers | None]] = {"nothing": [None] * FOLDS}
-        starts |= {source: sources_of(target, source, seed) for source in PAIRS[name]}
+        starts: dict[str, Sequence[Layers | None]] = {"nothing": [None] * folds}
+        starts |= {source: sources_of(target, source, seed, folds) for source in PAIRS[name]}
         for source, layers in starts.items():
             begin = time.process_time()
             errors.setdefault(source, []).append(errors_from(target, layers, seed))
@@ -109,12 +109,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("configurations", nargs="*", default=list(PAIRS), help=f"default: {', '.join(PAIRS)}")
     parser.add_argument("--seeds", type=int, default=2)
+    parser.add_argument("--folds", type=int, choices=range(1, FOLDS + 1), default=FOLDS, help="the first so many")
     given = parser.parse_args()
     torch.set_num_threads(1)
     for name in given.configurations:
         if name not in PAIRS:
             parser.error(f"there is no start for '{name}', only for {', '.join(PAIRS)}")
-        measure(name, given.seeds)
+        measure(name, given.seeds, given.folds)
 
 
 if __name__ == "__main__":
