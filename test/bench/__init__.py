@@ -27,6 +27,10 @@ BENCHES = {
     "bag_faults": Bench(
         "Damages ten thousand bags at random and opens each: read, refused in one line, or salvaged.", 20
     ),
+    "carry_over": Bench(
+        "Errors of networks that start from the hidden layers of other people's, beside those that do not.",
+        *(20, "traj_data.npz of three recordings in $MILD_DATA"),
+    ),
     "command_age": Bench("Age of a command: from a skeleton's stamp to the arrival of its JointState, over DDS.", 1),
     "command_gaps": Bench("Gaps between commands while each topic is flooded at 5 kHz.", 10),
     "contact": Bench(
@@ -46,6 +50,10 @@ BENCHES = {
     ),
     "perception_latency": Bench("Processor time of one skeleton message in perception.", 0.5),
     "retargeting_tick": Bench("Processor time of one tick of retargeting, per robot and part.", 1),
+    "segmentation": Bench(
+        "One HSMM over all interactions beside one for each: purity, cuts and labels of long recordings, predictions.",
+        *(12, "traj_data.npz in $MILD_DATA"),
+    ),
     "soak": Bench("Random people, interactions and faults for half an hour of simulated time: limits and memory.", 4),
     "speed_near_people": Bench("Speed of every link near people, over a million ticks.", 30),
     "step_latency": Bench("Latency of one step of inference.", 0.5),

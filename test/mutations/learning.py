@@ -14,6 +14,7 @@ START = (f"{TESTS}/test_start_pose.py",)
 WINDOWS = (f"{TESTS}/test_windows.py", f"{TESTS}/test_corpus.py", f"{TESTS}/test_folds.py")
 EVALUATION = (f"{TESTS}/test_evaluation.py",)
 ODD = (f"{TESTS}/test_odd_trials.py",)
+BASELINES = (f"{TESTS}/test_baselines.py",)
 
 FAULTS = (
     Fault(
@@ -344,5 +345,29 @@ FAULTS = (
         """_require_arm(trial, trial.controlled, trial.controlled_names, "the partner's")""",
         "pass",
         ODD,
+    ),
+    Fault(
+        "people who are held out are learned from",
+        "The recording of two people that the held-out trials are of lends its pairs to Bütepage et al.",
+        f"{HERE}/baselines/buetepage.py",
+        "np.array_equal(trial.observed_m, demonstrations[0].observed_m)",
+        "False",
+        BASELINES,
+    ),
+    Fault(
+        "two people do it each for themselves",
+        "What two people are doing with each other is not drawn together.",
+        f"{HERE}/baselines/shared_embedding.py",
+        "(window + apart)[recorded]",
+        "window[recorded]",
+        BASELINES,
+    ),
+    Fault(
+        "latents that are not drawn",
+        "The robot's dynamics learn from the means of its latents.",
+        f"{HERE}/baselines/shared_embedding.py",
+        "self.controlled.decoder(latents.rsample())",
+        "self.controlled.decoder(latents.mean)",
+        BASELINES,
     ),
 )

@@ -15,7 +15,9 @@ def fit(demonstrations: Sequence[Demonstration], protocol: Protocol, seed: int, 
     from mild_core.learning.baselines.density_network import MixtureDensity
     from mild_core.learning.baselines.recurrent import fit_recurrent
 
-    return fit_recurrent(demonstrations, protocol, seed, MixtureDensity, given)
+    return fit_recurrent(
+        demonstrations, protocol, seed, lambda view, answers: MixtureDensity(view.size, answers), given
+    )
 
 
 def fit_given(demonstrations: Sequence[Demonstration], protocol: Protocol, seed: int) -> Predictor:

@@ -123,7 +123,9 @@ def fit_recurrent(
     demonstrations: Sequence[Demonstration],
     protocol: Protocol,
     seed: int,
-    network_of: Callable[[int, Tensor], RecurrentNetwork] = lambda inputs, answers: PlainGru(inputs, answers.shape[1]),
+    network_of: Callable[[InputLayout, Tensor], RecurrentNetwork] = lambda view, answers: PlainGru(
+        view.size, answers.shape[1]
+    ),
     given: bool = True,
 ) -> Recurrent:
     """Learn all interactions with one network (see `Fit`).
@@ -132,7 +134,7 @@ def fit_recurrent(
         demonstrations: To learn from.
         protocol: How windows are cut.
         seed: Of all draws.
-        network_of: Makes the network from the number of inputs and all standardised answers (N, F); a plain GRU.
+        network_of: Makes the network for that layout from all standardised answers (N, F); a plain GRU.
         given: Whether the network gets the interaction as an input.
     """
     windows = [cut(d, protocol).controlled for d in demonstrations]
@@ -142,7 +144,7 @@ def fit_recurrent(
     view = input_layout_of(demonstrations, protocol, given)
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
-        learned = Recurrent(view, (mean, scale), network_of(view.size, torch.cat(standard)))
+        learned = Recurrent(view, (mean, scale), network_of(view, torch.cat(standard)))
         _train(learned, [view.frames(d) for d in demonstrations], standard)
     return learned
 

@@ -85,7 +85,7 @@ def compare(results: Sequence[Result], interactions: Sequence[str]) -> tuple[Row
             groups.setdefault((result.job.method, labels), {}).setdefault(result.job.seed, []).extend(errors)
         if result.held_out:
             held_out.setdefault(result.job.method, {}).setdefault(result.job.seed, []).extend(result.held_out)
-    averaged = {key: _averaged(list(seeds.values())) for key, seeds in groups.items()}
+    averaged = {key: averaged_over_seeds(list(seeds.values())) for key, seeds in groups.items()}
     run_times = {method: summarise_run_time(list(seeds.values())) for method, seeds in held_out.items()}
     bars = {name: averaged[name, "given"] for name in BARS if (name, "given") in averaged}
     papers_bar = averaged.get((PAPERS_BAR, "given"))
@@ -102,7 +102,7 @@ def compare(results: Sequence[Result], interactions: Sequence[str]) -> tuple[Row
                 macro_mean=float(np.mean(macro)),
                 macro_std=float(np.std(macro, ddof=1)) if len(macro) > 1 else None,
                 errors=summarise(mean, interactions),
-                relative={name: _relative(mean, bar) for name, bar in bars.items() if name != method},
+                relative={name: change_against(mean, bar) for name, bar in bars.items() if name != method},
                 seconds=float(np.mean([result.seconds for result in results if result.job.method == method])),
                 run_time=run_times.get(method),
                 p_against_buetepage=_by_interaction(mean, papers_bar) if papers_bar and method != PAPERS_BAR else {},
@@ -111,7 +111,7 @@ def compare(results: Sequence[Result], interactions: Sequence[str]) -> tuple[Row
     return tuple(sorted(rows, key=lambda row: row.macro_mean))
 
 
-def _averaged(seeds: Sequence[Sequence[TrialErrors]]) -> list[TrialErrors]:
+def averaged_over_seeds(seeds: Sequence[Sequence[TrialErrors]]) -> list[TrialErrors]:
     """The errors of each trial, averaged over seeds window by window."""
     by_trial: dict[int, list[TrialErrors]] = {}
     for errors in seeds:
@@ -140,7 +140,7 @@ def _macro(errors: Sequence[TrialErrors], drawn: Mapping[str, NDArray[np.intp]])
     return macro
 
 
-def _relative(errors: Sequence[TrialErrors], bar: Sequence[TrialErrors], seed: int = 0) -> Relative:
+def change_against(errors: Sequence[TrialErrors], bar: Sequence[TrialErrors], seed: int = 0) -> Relative:
     """Paired: both methods meet the same drawn trials, so what is hard for both cancels."""
     rng = np.random.default_rng(seed)
     names = sorted({one.interaction for one in bar})

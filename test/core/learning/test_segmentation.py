@@ -4,6 +4,7 @@
 import numpy as np
 import pytest
 
+from mild_core.inference.priors.hsmm import HSMM
 from mild_core.learning.data.segmentation import (
     CUT_OFF,
     GAP,
@@ -15,6 +16,8 @@ from mild_core.learning.data.segmentation import (
     cut_at_rest,
     speeds,
 )
+from test.bench import segmentation
+from test.core.learning.made_trials import made_trials
 
 RATE_HZ = 30.0
 SETTINGS = RestToRest()
@@ -135,3 +138,46 @@ def test_speeds_are_those_of_the_motion_and_little_of_a_trackers_trembling():
     np.testing.assert_allclose(speeds(places, times)[10:-10], 0.5, rtol=1e-9)
     trembling = np.random.default_rng(0).normal(0.0, TREMBLE_M, (300, 1, 3))
     assert np.quantile(speeds(trembling, times), 0.99) < SETTINGS.slow_m_s / 2
+
+
+def made_hsmm(seed):
+    rng = np.random.default_rng(seed)
+    track = rng.normal(size=(20, 2)) + np.repeat(rng.normal(size=(2, 2)), 10, axis=0)
+    return HSMM.from_demonstrations([track], 2, 1)
+
+
+def test_hsmms_side_by_side_weigh_interactions_by_their_likelihoods_alone():
+    parts, latents = [made_hsmm(seed) for seed in (1, 2, 3)], np.random.default_rng(0).normal(size=(9, 2))
+    separate = np.array([segmentation.likelihood(part, latents) for part in parts])
+    assert segmentation.likelihood(segmentation.stacked(parts, 0.0), latents) == pytest.approx(
+        np.logaddexp.reduce(separate) - np.log(3)
+    )
+    named = segmentation.Named(segmentation.stacked(parts, 0.0), np.repeat(np.arange(3), 2))
+    weights = segmentation.responsibilities(named.prior, latents)
+    wanted = np.exp(separate - np.logaddexp.reduce(separate))
+    np.testing.assert_allclose(segmentation.by_interaction(named, weights, 3)[4], wanted, atol=1e-9)
+    crossing = segmentation.stacked(parts, 0.01).chain.transitions
+    assert (crossing[1] @ np.repeat(np.eye(3), 2, axis=0) > 0.2).all()  # the last leads to each of them
+
+
+def test_trials_joined_know_where_they_rest():
+    trials = made_trials(each=1)
+    joined = segmentation.join(trials, ("push", "reach"))
+    (after, before), labels = joined.rests[0], joined.interaction
+    assert (labels[after:before] == -1).all()
+    assert (labels[after - 1], labels[before]) == (1, 0)
+    assert len(labels) == joined.recording.frames == sum(t.frames for t in trials) + 19
+    steps = np.abs(np.diff(joined.recording.observed_m, axis=0)).max(axis=(1, 2))
+    assert steps.max() < 0.05  # half a second from pose to pose
+
+
+def test_boundaries_are_right_within_the_rest_or_near_it():
+    figures = segmentation.Figures()
+    segmentation.judge_boundaries(
+        figures, "made", np.array([1.5, 9.0, 20.0]), np.array([[1.0, 2.0], [9.5, 10.0], [40.0, 41.0]])
+    )
+    assert figures.values["made"] == {
+        "outside_s": [0.0, 0.5, 20.0],
+        "found": [1.0, 1.0, 0.0],
+        "wanted": [1.0, 1.0, 0.0],
+    }
