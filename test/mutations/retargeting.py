@@ -489,8 +489,8 @@ FAULTS = (
         "left arms are right ones",
         "An arm whose elbow goes to the wrong side is not named.",
         f"{HERE}/robot_checks.py",
-        "if named[1] > named[0] or",
-        "if named[1] > 1e9 or",
+        "if arm_side(robot) != other:",
+        'if arm_side(robot) != "both":',
         CHECKS,
     ),
     Fault(
