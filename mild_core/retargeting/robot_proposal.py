@@ -621,9 +621,14 @@ def stands_on_bench(robot: RobotModel) -> bool:
 
 
 class Collision:
-    """Distance between parts of one robot in any posture, whatever its home."""
+    """Distance between parts of one robot in any posture.
 
-    def __init__(self, robot: RobotModel) -> None:
+    Args:
+        robot: Which.
+        home_counts: Whether parts that touch at home belong together; else home is one posture among others.
+    """
+
+    def __init__(self, robot: RobotModel, *, home_counts: bool = False) -> None:
         self._chain, shapes = chain_of(robot), capsules_of(robot)
         primitive = shapes.sizes_m[:, 0] > 0.0
         self._body = (shapes.mounted, shapes.ends_m, shapes.sizes_m)
@@ -632,6 +637,8 @@ class Collision:
         tried = np.random.default_rng(SEED).uniform(robot.lower_rad, robot.upper_rad, (100, len(robot.joint_names)))
         inside = np.mean([self._each(pose, pairs) <= 0.0 for pose in tried], axis=0) if len(pairs) else np.zeros(0)
         self._pairs = pairs[inside < ALWAYS]
+        if home_counts and len(self._pairs):
+            self._pairs = self._pairs[self._each(robot.home_rad, self._pairs) > 0.0]
 
     def _each(self, pose: FloatArray, pairs: FloatArray) -> FloatArray:
         chain = self._chain
