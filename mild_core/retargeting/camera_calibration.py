@@ -75,8 +75,8 @@ class CameraSettings:
         places: So many are shown, or waited for.
         by_hand: Whether people move the arm: then nothing is commanded.
         hold_s: The hand has to stay at a place for so long ...
-        still_m: ... and its mean no further than this from one half of that time to the other, beside what the tracker's
-            noise does to means, ...
+        still_m: ... and its mean no further than this from one half of that time to the other, beside what noise
+            does to means, ...
         noise_m: ... which may be so large (rms from frame to frame).
         left_m: It has to have left the place before by so much.
         residual_m: Largest distance between a hand and the tool, by the fitted pose.
@@ -276,7 +276,7 @@ class CameraCalibration:
         number = state.left[0]
         if state.phase == "going":
             if self._stands(state, number, now_ns):
-                which = f"place {len(state.taken) + 1}: hold the {settings.side} hand at the tool, for a second"
+                which = f"place {number + 1}: hold the {settings.side} hand at the tool, for a second"
                 return replace(state, phase="waiting", since_ns=now_ns, told_ns=now_ns, hands=()), (which,)
             if settings.by_hand:
                 return self._told(state, "move the arm to another place ahead of it, and leave it there", now_ns)
@@ -302,7 +302,9 @@ class CameraCalibration:
             return False
         if self.settings.by_hand:
             tool_m = self._chain.tool(np.array(state.joints_rad))
-            return all(math.dist(tool_m, one.tool_m) > APART_M for one in state.taken)
+            this_time = max(0, self.settings.places - len(state.left))  # places may be shown twice
+            shown = state.taken[max(0, len(state.taken) - this_time) :] if this_time else state.taken[-1:]
+            return all(math.dist(tool_m, one.tool_m) > APART_M for one in shown)
         away = np.abs(np.subtract(state.joints_rad, self._places[number]))
         return float(away.max()) < ARRIVED_RAD
 
@@ -330,7 +332,7 @@ class CameraCalibration:
             return self._finished(state, now_ns)
         state = replace(state, phase="going", since_ns=now_ns, told_ns=now_ns)
         if self.settings.by_hand:
-            return state, (f"{prefix}move the arm to place {len(state.taken) + 1}, ahead of it, and leave it there",)
+            return state, (f"{prefix}move the arm to place {state.left[0] + 1}, ahead of it, and leave it there",)
         where = f"{prefix}the arm goes to place {state.left[0] + 1} of {len(self._places)}: keep clear of it"
         return state, (where, Request("show", self._places[state.left[0]]))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The camera's pose from hands that are held at the tool: the real stage moves the arm, a simulated person follows it."""
+"""The camera's pose from hands held at the tool: the real stage moves the arm, a simulated person follows it."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class Person:
         """What a tracker shows of the person, in its own frame."""
         random = np.random.default_rng(self.seed + now_ns)
         body_m = np.array([0.9, 0.1, 0.0])
-        hanging_m = body_m + [0.0, -0.2 if self.hand == "left" else 0.2, -0.6]
+        hanging_m = np.add(body_m, (0.0, -0.2 if self.hand == "left" else 0.2, -0.6))
         if math.dist(tool_m, self._tool_m) > 0.005:
             self._tool_m, self._still_s = tool_m, 0.0
         self._still_s += elapsed_s
@@ -77,12 +77,12 @@ class Person:
             far = float(np.linalg.norm(way))
             self._at_m = self._at_m + way * min(1.0, 0.6 * elapsed_s / max(far, 1e-9))
         places = {
-            "neck": body_m + [0, 0, 0.05],
-            "pelvis": body_m + [0, 0, -0.5],
-            "right_shoulder": body_m + [0, 0.2, 0],
-            "left_shoulder": body_m + [0, -0.2, 0],
-            "right_hand": body_m + [0, 0.2, -0.6],
-            "left_hand": body_m + [0, -0.2, -0.6],
+            "neck": np.add(body_m, (0, 0, 0.05)),
+            "pelvis": np.add(body_m, (0, 0, -0.5)),
+            "right_shoulder": np.add(body_m, (0, 0.2, 0)),
+            "left_shoulder": np.add(body_m, (0, -0.2, 0)),
+            "right_hand": np.add(body_m, (0, 0.2, -0.6)),
+            "left_hand": np.add(body_m, (0, -0.2, -0.6)),
             f"{self.hand}_hand": self._at_m,
         }
         world_m = np.array([places[name] for name in JOINTS])
@@ -215,7 +215,7 @@ def test_places_are_ahead_apart_and_not_in_one_plane() -> None:
 
 def test_the_fit_leaves_out_what_does_not_agree() -> None:
     random = np.random.default_rng(5)
-    tools = random.uniform(-0.3, 0.3, (6, 3)) + [0.5, 0.0, 0.3]
+    tools = np.add(random.uniform(-0.3, 0.3, (6, 3)), (0.5, 0.0, 0.3))
     hands = (tools - POSE[:3, 3]) @ POSE[:3, :3] + random.normal(0.0, 0.002, (6, 3))
     hands[[1, 4]] += [[0.2, 0.0, 0.1], [0.0, -0.15, 0.1]]
     fit = fit_camera(tools, hands, 0.035, tools)
