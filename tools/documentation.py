@@ -110,7 +110,7 @@ TOPICS = (
     ),
     Topic(
         *("mode", "std_msgs/String", "retargeting", "operators"),
-        "waiting, idle, ready, following, holding, returning, disabled or held; latched",
+        "waiting, idle, ready, following, holding, returning, showing, disabled or held; latched",
     ),
     Topic(
         *("stiffness", "std_msgs/Float64", "retargeting", "robot or simulation"),

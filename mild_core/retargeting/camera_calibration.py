@@ -358,8 +358,8 @@ class CameraCalibration:
             if fit.error_m > self.settings.error_m and not state.twice:
                 text = f"over the arm's reach hands are known to {100 * fit.error_m:.1f} cm: all places once more"
                 again = replace(self.init(), taken=state.taken, again=state.again, twice=True, frame_id=state.frame_id)
-                kept = replace(again, joints_rad=state.joints_rad, still_rad=state.still_rad, still_ns=state.still_ns)
-                state, outputs = self._next(replace(kept, rest_m=state.rest_m), now_ns)
+                begun = replace(again, joints_rad=state.joints_rad, still_rad=state.still_rad, still_ns=state.still_ns)
+                state, outputs = self._next(replace(begun, rest_m=state.rest_m), now_ns)
                 return state, (text, *outputs)
             left_out = f"; {_places(wrong)} left out, where the hand was {_cm(fit, False)} cm away" if wrong else ""
             text = (

@@ -55,7 +55,6 @@ def make_camera(parameters: CameraParameters) -> tuple[Retargeting, CameraCalibr
         parameters,
         execution_delay_s=delay_of(parameters, parameters.control_rate_hz),
         ik="off",
-        enabled=not parameters.by_hand,
         home_velocity_rad_s=min(parameters.home_velocity_rad_s, SLOWLY_RAD_S),
     )
     wanted = CameraSettings(parameters.side, parameters.places, parameters.by_hand, parameters.hold_s)

@@ -8,10 +8,10 @@ of the pipeline: two nodes that command one robot both fall silent.
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import rclpy
 from diagnostic_msgs.msg import DiagnosticStatus
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
@@ -28,7 +28,7 @@ from mild_ros.node_kit.outcomes import OutcomePublisher
 from mild_ros.node_kit.parameters import declare
 from mild_ros.node_kit.quality_of_service import SENSOR, SERVICE
 from mild_ros.node_kit.reception import JOINTS_KEPT, JOINTS_PER_S, Reception
-from mild_ros.node_kit.running import give_up, run
+from mild_ros.node_kit.running import end, run
 from mild_ros.node_kit.threads import StageNode
 from mild_ros.nodes.control import Control, Given
 from mild_ros.nodes.tracker import Sighting, Tracker
@@ -42,7 +42,9 @@ class CameraNode(StageNode):
 
     def __init__(self) -> None:
         super().__init__("camera")
-        self._set = declare(self, CameraParameters)
+        given = declare(self, CameraParameters)
+        # Of an arm that people move nothing is commanded, whatever an operator's file says.
+        self._set = replace(given, enabled=given.enabled and not given.by_hand)
         check_target(self._set.write_to)
         tracker = Tracker(self._set, "camera")
         stage, self._calibration = make_camera(self._set)
@@ -86,9 +88,8 @@ class CameraNode(StageNode):
             self._step(JointMeasurement(now_ns, self._robot.joint_names, joints), now_ns)
         self._step(None, now_ns)
         if self._set.begin and self._state.phase in ("done", "failed") and self._rests():
-            if self._state.phase == "failed":
-                give_up(self, SetupError("camera", self._state.problem, "see docs/camera.md, and begin again"))
-            rclpy.try_shutdown()
+            failed = self._state.phase == "failed"
+            end(self, SetupError("camera", self._state.problem, "see docs/camera.md") if failed else None)
 
     def _rests(self) -> bool:
         """Whether the arm is back where it waits."""
