@@ -44,14 +44,14 @@ NEAR_M, CLEAR_M = 0.1, 0.02
 TRIED = 100
 """So many places of hands are tried."""
 
-TOLD_AGAIN_S, WARNED_S = 15.0, 2.0
+REPEATED_S, WARNED_S = 15.0, 2.0
 """What is waited for is said again after the first time; what is in its way after the second."""
 
 NOISY = 1.5
 """Noise alone drifts so many times its own error of a mean over half the time in one case of ten: it is tried again."""
 
 MIRROR = np.array([-1.0, 1.0, 1.0])
-TOLD_APART = 2.0
+DISTINCT = 2.0
 """Hands fit so much better than their mirror image, or the places do not tell left from right."""
 
 HANGING_DEG = 30.0
@@ -159,7 +159,7 @@ class CameraState:
         again: Places that have been asked for once more.
         taken: Those at which the hand was held.
         since_ns: When the phase began ...
-        told_ns: ... and when something was last said about it.
+        said_ns: ... and when something was last said about it.
         joints_rad: Where the arm was measured last, ...
         still_rad: ... where it has been, nearly, ...
         still_ns: ... since when.
@@ -176,7 +176,7 @@ class CameraState:
     again: frozenset[int] = frozenset()
     taken: tuple[Taken, ...] = ()
     since_ns: int = 0
-    told_ns: int = 0
+    said_ns: int = 0
     joints_rad: Joints = ()
     still_rad: Joints = ()
     still_ns: int = 0
@@ -189,7 +189,7 @@ class CameraState:
 
 
 CameraOutput = Request | str
-"""What the arm is to do, or what people are to be told."""
+"""What the arm is to do, or what people are to hear."""
 
 _Stepped = tuple[CameraState, tuple[CameraOutput, ...]]
 
@@ -246,7 +246,7 @@ class CameraCalibration:
         if len(people) != 1:
             state = replace(state, hands=())
             several = f"{len(people)} people are in view: only the one whose hand is held should be" if people else ""
-            return self._told(state, several, now_ns, WARNED_S) if several else (state, ())
+            return self._say(state, several, now_ns, WARNED_S) if several else (state, ())
         (person,) = people
         hand_m, lifted = _hand(person, self.settings.side)
         if hand_m is None:
@@ -260,7 +260,7 @@ class CameraCalibration:
             other = "left" if self.settings.side == "right" else "right"
             if state.phase == "waiting" and _hand(person, other)[1] and _hand(person, other)[0] is not None:
                 text = f"the {other} hand is up: hold the {self.settings.side} one at the tool, or set side to {other}"
-                return self._told(state, text, now_ns, WARNED_S)
+                return self._say(state, text, now_ns, WARNED_S)
             return state, ()
         oldest_ns = now_ns - round(1.2 * self.settings.hold_s * 1e9)
         kept = tuple(entry for entry in state.hands if entry[0] >= oldest_ns)
@@ -269,7 +269,7 @@ class CameraCalibration:
     def _ticked(self, state: CameraState, now_ns: int) -> _Stepped:
         settings = self.settings
         if not state.joints_rad:
-            return self._told(state, "waiting for the robot to say where it is, on joint_states", now_ns)
+            return self._say(state, "waiting for the robot to say where it is, on joint_states", now_ns)
         waited_s = (now_ns - state.since_ns) * 1e-9
         if state.phase == "begin":
             return self._next(state, now_ns)
@@ -277,9 +277,9 @@ class CameraCalibration:
         if state.phase == "going":
             if self._stands(state, number, now_ns):
                 which = f"place {number + 1}: hold the {settings.side} hand at the tool, for a second"
-                return replace(state, phase="waiting", since_ns=now_ns, told_ns=now_ns, hands=()), (which,)
+                return replace(state, phase="waiting", since_ns=now_ns, said_ns=now_ns, hands=()), (which,)
             if settings.by_hand:
-                return self._told(state, "move the arm to another place ahead of it, and leave it there", now_ns)
+                return self._say(state, "move the arm to another place ahead of it, and leave it there", now_ns)
             if waited_s > settings.reach_s:
                 return self._skipped(state, f"the arm did not come to place {number + 1}: left out", now_ns)
             return state, ()
@@ -294,7 +294,7 @@ class CameraCalibration:
             text = f"no {settings.side} hand was held at place {number + 1}: left out"
             return self._skipped(state, text, now_ns)
         again = f"hold the {settings.side} hand at the tool, raised and still, for {settings.hold_s:g} s"
-        return self._told(state, again, now_ns, TOLD_AGAIN_S)
+        return self._say(state, again, now_ns, REPEATED_S)
 
     def _stands(self, state: CameraState, number: int, now_ns: int) -> bool:
         """Whether the arm stands still, where it was sent or, moved by hand, where it has not been."""
@@ -330,7 +330,7 @@ class CameraCalibration:
         """Send the arm to the next place, or fit."""
         if not state.left:
             return self._finished(state, now_ns)
-        state = replace(state, phase="going", since_ns=now_ns, told_ns=now_ns)
+        state = replace(state, phase="going", since_ns=now_ns, said_ns=now_ns)
         if self.settings.by_hand:
             return state, (f"{prefix}move the arm to place {state.left[0] + 1}, ahead of it, and leave it there",)
         where = f"{prefix}the arm goes to place {state.left[0] + 1} of {len(self._places)}: keep clear of it"
@@ -357,9 +357,8 @@ class CameraCalibration:
                 return state, (text, *outputs)
             if fit.error_m > self.settings.error_m and not state.twice:
                 text = f"over the arm's reach hands are known to {100 * fit.error_m:.1f} cm: all places once more"
-                again = replace(self.init(), taken=state.taken, again=state.again, twice=True, frame_id=state.frame_id)
-                begun = replace(again, joints_rad=state.joints_rad, still_rad=state.still_rad, still_ns=state.still_ns)
-                state, outputs = self._next(replace(begun, rest_m=state.rest_m), now_ns)
+                state = replace(state, left=self.init().left, twice=True)
+                state, outputs = self._next(state, now_ns)
                 return state, (text, *outputs)
             left_out = f"; {_places(wrong)} left out, where the hand was {_cm(fit, False)} cm away" if wrong else ""
             text = (
@@ -391,11 +390,11 @@ class CameraCalibration:
     def _failed(self, state: CameraState, problem: str) -> _Stepped:
         return replace(state, phase="failed", problem=problem), (f"not calibrated: {problem}", Request("reset"))
 
-    def _told(self, state: CameraState, text: str, now_ns: int, after_s: float = TOLD_AGAIN_S) -> _Stepped:
+    def _say(self, state: CameraState, text: str, now_ns: int, after_s: float = REPEATED_S) -> _Stepped:
         """With something said, if it is time to say something again."""
-        if state.told_ns and (now_ns - state.told_ns) * 1e-9 < after_s:
+        if state.said_ns and (now_ns - state.said_ns) * 1e-9 < after_s:
             return state, ()
-        return replace(state, told_ns=now_ns), (text,)
+        return replace(state, said_ns=now_ns), (text,)
 
 
 def _places(taken: Sequence[Taken]) -> str:
@@ -492,7 +491,7 @@ def fit_camera(tools_m: FloatArray, hands_m: FloatArray, residual_m: float, reac
         tools_m: (N, 3) in the robot's base frame.
         hands_m: (N, 3) in the tracker's.
         residual_m: Largest distance of a hand that counts.
-        reach_m: (P, 3) places over which the error is told.
+        reach_m: (P, 3) places over which the error is reported.
     """
     count = len(tools_m)
     for dropped in range(min(count - FEWEST, count // 3) + 1):
@@ -502,7 +501,7 @@ def fit_camera(tools_m: FloatArray, hands_m: FloatArray, residual_m: float, reac
             left = _fit_residuals(hands_m[chosen], tools_m[chosen])
             square = float((left**2).sum())
             mirrored = float((_fit_residuals(hands_m[chosen] * MIRROR, tools_m[chosen]) ** 2).sum())
-            fits = float(left.max()) <= residual_m and TOLD_APART**2 * square < mirrored
+            fits = float(left.max()) <= residual_m and DISTINCT**2 * square < mirrored
             if fits and (best is None or square < best[0]):
                 best = square, kept
         if best is None and float(_fit_residuals(hands_m * MIRROR, tools_m).max()) <= residual_m:

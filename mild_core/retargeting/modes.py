@@ -27,7 +27,7 @@ class Mode(Enum):
     RETURNING = "returning"
     """The interaction has ended, or nothing came for a while: the robot goes home slowly."""
     SHOWING = "showing"
-    """The operator sends the arm somewhere, slowly, to show its hand: nobody is followed meanwhile."""
+    """The operator sends the arm somewhere, slowly, to show its hand: no person is followed meanwhile."""
     DISABLED = "disabled"
     """The operator said so: the robot stops smoothly, then no command is sent."""
     HELD = "held"
@@ -75,8 +75,6 @@ def next_mode(mode: Mode, given: Situation) -> Mode:
         return Mode.HOLDING
     if given.shows:
         return Mode.SHOWING
-    if mode is Mode.SHOWING:
-        return Mode.RETURNING
     if given.usable and given.raised:
         return Mode.FOLLOWING
     if mode is Mode.FOLLOWING:
@@ -86,4 +84,5 @@ def next_mode(mode: Mode, given: Situation) -> Mode:
     if given.at_home or mode is Mode.RETURNING:
         rest = Mode.READY if given.present else Mode.IDLE
         return rest if given.at_home else Mode.HOLDING if given.too_long else mode
-    return Mode.RETURNING if given.present or given.gave_way else Mode.IDLE
+    leaves = given.present or given.gave_way or mode is Mode.SHOWING
+    return Mode.RETURNING if leaves else Mode.IDLE

@@ -33,7 +33,7 @@ import numpy as np
 from mild_core.budgets import parse_toml, read_file
 from mild_core.errors import SetupError, near, unknown_name
 from mild_core.fields import Fields
-from mild_core.resources import PACKAGE, package_file
+from mild_core.packages import PACKAGE, package_file
 from mild_core.retargeting.robot_model.arm_following import LinkFollower
 from mild_core.retargeting.robot_model.chain import chain_of
 from mild_core.retargeting.robot_model.joint_limits import JointLimits, read_joint_limits

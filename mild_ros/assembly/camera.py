@@ -21,7 +21,7 @@ from mild_ros.assembly.settings import PipelineParameters
 from mild_ros.commands.controller_messages import delay_of
 
 SLOWLY_RAD_S = 0.25
-"""Largest speed of a joint on the way to a place: people stand beside the arm, and nobody knows yet where."""
+"""Largest speed of a joint on the way to a place: people stand beside the arm, and it is not known yet where."""
 
 KEY = "robot_from_camera"
 SECTION = re.compile(r"^(?P<indent>\s*)(?P<name>[^\s#:]*(?:pipeline|perception)|/?\*\*)\s*:\s*(?:#.*)?$")

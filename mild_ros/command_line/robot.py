@@ -11,14 +11,14 @@ import typer
 from rich.text import Text
 
 from mild_core.errors import SetupError
-from mild_core.resources import PACKAGE, package_file
+from mild_core.packages import PACKAGE, package_file
 from mild_ros.command_line.console import Console
 
 FOLDER = Path("out/robot")
 
 
 def robot(
-    urdf: Annotated[str, typer.Argument(metavar="URDF", help="A description, or package://<package>/<path> of one.")],
+    urdf: Annotated[str, typer.Argument(metavar="URDF", help="A description, or package://PACKAGE/PATH of one.")],
     arm: Annotated[str, typer.Option(metavar="right|left", help="Which arm [default: the right or only one].")] = "",
     tool: Annotated[str, typer.Option(metavar="LINK", help="What meets a hand, where another is found.")] = "",
     out: Annotated[

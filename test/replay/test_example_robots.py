@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mild_core.errors import SetupError
-from mild_core.resources import package_file
+from mild_core.packages import package_file
 from mild_core.retargeting.robot_checks import arm_notes, check_reach
 from mild_core.retargeting.robot_file import find_robot, read_robot
 from mild_core.retargeting.robot_proposal import Collision, Hands

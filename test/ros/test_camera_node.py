@@ -43,7 +43,7 @@ def placed_within_m(file: Path) -> float:
 
 
 class Scene(Surroundings):
-    """A robot that does what it is told, and a person who follows its tool with the hand."""
+    """A robot that obeys, and a person who follows its tool with the hand."""
 
     def __init__(self, probe: Probe, node: NodeProcess) -> None:
         super().__init__(probe, "camera")
@@ -81,7 +81,7 @@ class Scene(Surroundings):
 
 
 @pytest.mark.slow
-def test_an_arm_that_is_moved_by_hand_tells_where_the_camera_is(
+def test_an_arm_that_is_moved_by_hand_shows_where_the_camera_is(
     start: Callable[..., NodeProcess], probe: Probe, tmp_path: Path
 ) -> None:
     file = tmp_path / "new.yaml"

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from mild_core.errors import SetupError
 from mild_core.retargeting.robot_model.arm_following import LinkFollower
+from mild_core.retargeting.robot_model.chain import chain_of
 from mild_core.retargeting.robot_model.robot import RobotModel
 from mild_core.retargeting.robots.pepper import PEPPER
 from mild_core.retargeting.robots.yumi import YUMI
@@ -98,6 +99,26 @@ def test_a_shoulder_that_moves_is_refused_and_the_link_that_the_remedy_names_is_
     named = str(error.value).rpartition(": ")[2].strip("'")
     assert named == "yumi_link_1_r"
     LinkFollower(replace(YUMI, arm_links=(named, "yumi_link_6_r")))
+
+
+def test_a_left_arm_does_as_a_right_one_mirrored() -> None:
+    left = replace(
+        YUMI,
+        joint_names=tuple(name.replace("_r", "_l") for name in YUMI.joint_names),
+        tool_link="tool_l",
+        arm_links=("yumi_link_1_l", "yumi_link_4_l"),
+        home_rad=YUMI.home_rad * np.array([-1, 1, -1, 1, -1, 1, -1]),
+        rest=tuple((name.replace("_l", "_r"), position) for name, position in YUMI.rest if "joint_" in name),
+    )
+    mirror = np.array([1.0, -1.0, 1.0])
+    hands = []
+    for robot in (YUMI, left):
+        joints, follower = tuple(robot.home_rad.tolist()), LinkFollower(robot)
+        for _ in range(30):
+            joints = follower.joints(arm(AHEAD), joints)
+        chain = chain_of(robot)
+        hands.append(chain.tool(np.array(joints)) - chain.offsets[0][:3, 3])
+    np.testing.assert_allclose(hands[1], hands[0] * mirror, atol=0.02)
 
 
 @pytest.mark.parametrize("follower", [PEPPER.arm, LinkFollower(YUMI)], ids=["closed form", "links"])

@@ -102,7 +102,7 @@ class Run:
 
 
 def run(robot: RobotModel, person: Person, settings: CameraSettings | None = None, at_most_s: float = 400.0) -> Run:
-    """The routine against the real stage of retargeting and a robot that does what it is told."""
+    """The routine against the real stage of retargeting and a robot that obeys."""
     calibration = CameraCalibration(robot, settings or CameraSettings())
     stage = Retargeting(robot, RetargetingSettings(ik="off", home_velocity_rad_s=0.25))
     moving, state, said, commands = stage.init(), calibration.init(), [], []
@@ -141,7 +141,7 @@ def worst_m(robot: RobotModel, state: CameraState) -> float:
 
 @pytest.mark.parametrize("name", sorted(ROBOTS))
 @pytest.mark.parametrize("side", ["right", "left"])
-def test_a_hand_at_the_tool_tells_where_the_camera_is(name: str, side: str) -> None:
+def test_a_hand_at_the_tool_shows_where_the_camera_is(name: str, side: str) -> None:
     robot = ROBOTS[name]
     result = run(robot, Person(hand=side), CameraSettings(side=side))
     assert result.state.phase == "done", result.said
