@@ -141,6 +141,8 @@ def _key(name: str) -> str:
 def _toml(value: object) -> str:
     if isinstance(value, tuple):
         return f"[{', '.join(map(_toml, value))}]"
+    if isinstance(value, bool):
+        return str(value).lower()
     if isinstance(value, str):
         return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
     return repr(value)
@@ -467,6 +469,8 @@ def _proposed(bodies: _Bodies, base: str, limb: Limb, others: list[Limb]) -> Pro
             waiting = _Waiting(_robot(bodies, base, other, rest), other.side)
             rest.update(zip(other.names, waiting.best[0].round(2).tolist(), strict=True))
     robot = _robot(bodies, base, limb, {name: value for name, value in rest.items() if name not in limb.names})
+    if robot.floor_m is None and not others and stands_on_bench(robot):
+        robot = replace(robot, on_table=True, keeps_off_table=True)
     waiting = _Waiting(robot, limb.side)
     tried = [(Hands(replace(robot, home_rad=home)), home) for home in waiting.best[:3]]
     reach, home = max(tried, key=lambda each: each[0].met)
@@ -737,6 +741,8 @@ def _checks(robot: RobotModel, limb: Limb, reach: Hands) -> list[str]:
         found.append(f"limits of {', '.join(unknown)} are guesses: the description has none")
     if unknown := [joint.name for joint in joints if math.isnan(joint.limits[2])]:
         found.append(f"velocity_rad_s of {', '.join(unknown)} is a guess: the description has none")
+    if robot.on_table:
+        found.append("the arm stands on a table, of 0.6 by 0.7 m, and keeps out of it: else take on_table away")
     if robot.floor_m is None:
         found.append("floor_m is not known: add the height of the floor in the base frame")
     else:
@@ -763,5 +769,7 @@ def _values(robot: RobotModel, limb: Limb) -> dict[str, object]:
     values |= {"acceleration_rad_s2": ACCELERATION_RAD_S2, "jerk_rad_s3": JERK_RAD_S3}
     if robot.floor_m is not None:
         values["floor_m"] = robot.floor_m
+    if robot.on_table:
+        values["on_table"] = True
     values["rest"] = dict(robot.rest)
     return values
