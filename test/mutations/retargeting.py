@@ -495,7 +495,7 @@ FAULTS = (
     ),
     Fault(
         "a hand that shows is followed past",
-        "An arm that shows its hand leaves for whoever raises theirs, beside a camera that is not known yet.",
+        "An arm that shows its hand leaves for a person who raises theirs, beside a camera that is not known yet.",
         f"{HERE}/modes.py",
         "    if given.shows:\n        return Mode.SHOWING\n",
         "    if given.shows and not given.usable:\n        return Mode.SHOWING\n",
