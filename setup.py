@@ -8,7 +8,7 @@ from setuptools import find_packages, setup  # first: it brings distutils where 
 
 from distutils.command.install_data import install_data  # isort: skip
 
-NODES = ("perception", "inference", "retargeting", "pipeline", "simulation", "markers", "replay", "record")
+NODES = ("perception", "inference", "retargeting", "pipeline", "simulation", "camera", "markers", "replay", "record")
 SHARE = "share/mild_ros"
 
 

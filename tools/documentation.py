@@ -19,6 +19,7 @@ from rclpy.qos import DurabilityPolicy
 from mild_core.errors import SetupError, unknown_name
 from mild_core.perception.skeletons import SOURCES, SkeletonSource
 from mild_ros.assembly.bag_settings import RecordParameters, ReplayParameters
+from mild_ros.assembly.camera import CameraParameters
 from mild_ros.assembly.settings import NODES
 from mild_ros.command_line.main import COMMANDS
 from mild_ros.commands.command_topics import command_types
@@ -109,7 +110,7 @@ TOPICS = (
     ),
     Topic(
         *("mode", "std_msgs/String", "retargeting", "operators"),
-        "waiting, idle, ready, following, holding, returning, disabled or held; latched",
+        "waiting, idle, ready, following, holding, returning, showing, disabled or held; latched",
     ),
     Topic(
         *("stiffness", "std_msgs/Float64", "retargeting", "robot or simulation"),
@@ -171,16 +172,20 @@ def topics_markdown() -> str:
     return "\n".join(lines) + "\n"
 
 
+OF_OTHERS = {"pipeline": "perception, inference and retargeting", "camera": "the pipeline"}
+"""Nodes that take the parameters of others."""
+
+
 def parameters_markdown() -> str:
     """The parameters of all nodes: one heading and one table each, of the pipeline only what is its own."""
-    kinds = {**NODES, "record": RecordParameters, "replay": ReplayParameters}
+    kinds = {**NODES, "camera": CameraParameters, "record": RecordParameters, "replay": ReplayParameters}
     parts = []
     for name, kind in kinds.items():
         table = table_markdown(kind)
-        if name == "pipeline":
+        if name in OF_OTHERS:
             known = {line for other in kind.__mro__[1:-1] for line in table_markdown(other).splitlines()[2:]}
             own = [line for line in table.splitlines() if line not in known]
-            table = "All of perception, inference and retargeting, and:\n\n" + "\n".join(own) + "\n"
+            table = f"All of {OF_OTHERS[name]}, and:\n\n" + "\n".join(own) + "\n"
         parts.append(f"**`{name}`**\n\n{table}")
     return "\n".join(parts)
 

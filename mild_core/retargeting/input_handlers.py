@@ -163,7 +163,7 @@ def _watch_displacement(
     return replace(state, displaced=True).counted("displaced")
 
 
-def take_request(state: RetargetingState, given: Request, now_ns: int) -> RetargetingState:
+def take_request(state: RetargetingState, given: Request, robot: RobotModel, now_ns: int) -> RetargetingState:
     """The state after an operator's request; its outcome is its past participle."""
     waiting = state.motion is None
     if given.kind == "enable":
@@ -174,7 +174,12 @@ def take_request(state: RetargetingState, given: Request, now_ns: int) -> Retarg
         # A hand that is up when the robot is released has to be raised again.
         sight = state.sight.at_rest_here() if state.sight is not None and not held else state.sight
         return replace(state, held=held, sight=sight).ended("held" if held else "released")
-    state = replace(state, plan=None, pursuit=None, unknown_since_ns=None, holding_since_ns=now_ns)
+    state = replace(state, plan=None, pursuit=None, unknown_since_ns=None, holding_since_ns=now_ns, shown_rad=None)
+    if given.kind == "show":
+        there = np.array(given.there_rad, dtype=np.float64)
+        if there.shape != robot.home_rad.shape or not np.isfinite(there).all():
+            return state.ended("wrong_joints", f"shows {given.there_rad}")
+        return replace(state, shown_rad=given.there_rad).ended("shown")
     if given.kind == "disable":
         return replace(state, mode=Mode.DISABLED).ended("disabled")
     state = replace(state, displaced=False, displaced_since_ns=None, person=None, sight=None)

@@ -67,6 +67,7 @@ def situation(
         patience_over=resting and held_s >= settings.home_after_s,
         too_long=state.mode is Mode.RETURNING and since_s > settings.home_timeout_s,
         gave_way=state.gave_way,
+        shows=state.shown_rad is not None,
     )
 
 

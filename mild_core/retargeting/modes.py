@@ -26,6 +26,8 @@ class Mode(Enum):
     """There is no motion to follow: the robot stops smoothly and stays."""
     RETURNING = "returning"
     """The interaction has ended, or nothing came for a while: the robot goes home slowly."""
+    SHOWING = "showing"
+    """The operator sends the arm somewhere, slowly, to show its hand: no person is followed meanwhile."""
     DISABLED = "disabled"
     """The operator said so: the robot stops smoothly, then no command is sent."""
     HELD = "held"
@@ -47,6 +49,7 @@ class Situation:
         patience_over: The robot has held at rest for as long as it should before it goes home.
         too_long: It has been on its way home for longer than it should.
         gave_way: It has left home to give way to a person.
+        shows: The operator has sent it somewhere to show its hand.
     """
 
     usable: bool
@@ -59,6 +62,7 @@ class Situation:
     patience_over: bool
     too_long: bool
     gave_way: bool = False
+    shows: bool = False
 
 
 def next_mode(mode: Mode, given: Situation) -> Mode:
@@ -69,6 +73,8 @@ def next_mode(mode: Mode, given: Situation) -> Mode:
         return Mode.HELD
     if given.displaced or given.silent or mode is Mode.HELD:
         return Mode.HOLDING
+    if given.shows:
+        return Mode.SHOWING
     if given.usable and given.raised:
         return Mode.FOLLOWING
     if mode is Mode.FOLLOWING:
@@ -78,4 +84,5 @@ def next_mode(mode: Mode, given: Situation) -> Mode:
     if given.at_home or mode is Mode.RETURNING:
         rest = Mode.READY if given.present else Mode.IDLE
         return rest if given.at_home else Mode.HOLDING if given.too_long else mode
-    return Mode.RETURNING if given.present or given.gave_way else Mode.IDLE
+    leaves = given.present or given.gave_way or mode is Mode.SHOWING
+    return Mode.RETURNING if leaves else Mode.IDLE

@@ -10,7 +10,7 @@ import numpy as np
 
 from mild_core.errors import SetupError
 from mild_core.retargeting.contact import shoulder_and_reach_m
-from mild_core.retargeting.robot_model.chain import chain_of
+from mild_core.retargeting.robot_model.chain import arm_side, chain_of, from_base
 from mild_core.retargeting.robot_model.kinematics import KinematicTree, read_tree
 from mild_core.retargeting.robot_model.robot import RobotModel
 from mild_core.retargeting.robot_model.urdf import FIXED, LOOSE
@@ -30,13 +30,8 @@ BEYOND_M = 0.08
 CARRIED_M = 0.01
 """A tool link that a joint of a gripper moves by more than this is a finger."""
 
-ASIDE_M = 0.05
-"""A shoulder that is further to one side than this is on it."""
-
 TRIED_POSES, SEED = 500, 7
 DRIVES = re.compile(r"wheel|caster|track_joint|mecanum", re.IGNORECASE)
-SIDES = {"left": re.compile(r"(^|[_/])(left|l)([_/]|$)|^left", re.IGNORECASE)}
-SIDES["right"] = re.compile(r"(^|[_/])(right|r)([_/]|$)|^right", re.IGNORECASE)
 
 
 def check_reach(robot: RobotModel) -> None:
@@ -84,7 +79,7 @@ def _few_joints(robot: RobotModel) -> str:
 
 
 def _drives(robot: RobotModel, tree: KinematicTree) -> str:
-    carried = {joint.name for joint in tree.chain(robot.tool_link, robot.base_link)}
+    carried = {joint.name for joint in from_base(robot, tree)[0]}
     wheels = [
         joint.name
         for joint in tree.by_child.values()
@@ -102,7 +97,7 @@ def _drives(robot: RobotModel, tree: KinematicTree) -> str:
 
 def _tool(robot: RobotModel, tree: KinematicTree) -> str:
     """A hand that is a finger, or behind a gripper."""
-    chain = tree.chain(robot.tool_link, robot.base_link)
+    chain = from_base(robot, tree)[0]
     places = [place for place, joint in enumerate(chain) if tree.followed(joint)[0] in robot.joint_names]
     beyond = chain[places[-1] + 1 :] if places else ()
     at_home = robot.at_home
@@ -137,10 +132,9 @@ def _hangs_on(tree: KinematicTree, link: str, other: str) -> bool:
 
 def _other_side(robot: RobotModel, side: str) -> str:
     other = "left" if side == "right" else "right"
-    named = [sum(bool(SIDES[each].search(name)) for name in robot.joint_names) for each in (side, other)]
-    shoulder_m, _ = shoulder_and_reach_m(robot)
-    left_m = float(shoulder_m[1]) * (1.0 if other == "left" else -1.0)
-    if named[1] > named[0] or (named[0] == named[1] and left_m > ASIDE_M):
-        what = f"its arm is a {other} one, and the model moves a {side} arm"
-        return f"{what}: hands meet, but the elbow goes to the wrong side; name the {side} arm's joints"
-    return ""
+    if arm_side(robot) != other:
+        return ""
+    if robot.arm is None and other == "left":
+        return "its arm is a left one, and the model moves a right arm: it does as that does, mirrored"
+    what = f"its arm is a {other} one, and the model moves a {side} arm"
+    return f"{what}: hands meet, but the elbow goes to the wrong side; name the {side} arm's joints"

@@ -2,7 +2,7 @@
 """A robot of the user's, from a small TOML file beside its description: nothing of this package has to change.
 
     name = "panda"
-    description = "panda.urdf"                 # beside this file, or a whole path
+    description = "panda.urdf"                 # beside this file, a whole path, or package://<package>/<path>
     base_link = "panda_link0"                  # x forward, y left, z up
     tool_link = "panda_hand"                   # what meets the person's hand
     shoulder_link = "panda_link2"              # with elbow_link: for models that move a partner's arm
@@ -33,6 +33,7 @@ import numpy as np
 from mild_core.budgets import parse_toml, read_file
 from mild_core.errors import SetupError, near, unknown_name
 from mild_core.fields import Fields
+from mild_core.packages import PACKAGE, package_file
 from mild_core.retargeting.robot_model.arm_following import LinkFollower
 from mild_core.retargeting.robot_model.chain import chain_of
 from mild_core.retargeting.robot_model.joint_limits import JointLimits, read_joint_limits
@@ -100,7 +101,8 @@ def _folder(path: Path) -> SetupError:
 def _robot(path: Path, fields: Fields) -> RobotModel:
     fields.only(KEYS)
     names = fields.names("joint_names", MOST_JOINTS)
-    urdf_path = path.parent / Path(fields.text("description")).expanduser()
+    named = fields.text("description")
+    urdf_path = package_file(named) if named.startswith(PACKAGE) else path.parent / Path(named).expanduser()
     tree = read_tree(urdf_path)
     joints = {joint.name: joint for joint in tree.by_child.values()}
     for name in names:

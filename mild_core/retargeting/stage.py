@@ -199,7 +199,7 @@ class Retargeting:
             return take_person(state, given, self.settings, now_ns), ()
         if isinstance(given, JointMeasurement):
             return take_measurement(state, given, self._merger, self.robot, self.settings, now_ns), ()
-        state = take_request(state, given, now_ns)
+        state = take_request(state, given, self.robot, now_ns)
         return self._command(state, now_ns) if given.kind == "hold" else (state, ())
 
     def _command(self, state: RetargetingState, now_ns: int) -> _Stepped:
@@ -400,7 +400,9 @@ class Retargeting:
         elif state.mode is Mode.HOLDING and state.displaced:
             wanted = self._limiter.toward(motion, self._inside(np.array(state.measured_rad)), elapsed_s)
         elif state.mode is Mode.RETURNING:
-            wanted = self._homeward(motion, elapsed_s)
+            wanted = self._slowly(motion, self._home, elapsed_s)
+        elif state.mode is Mode.SHOWING and state.shown_rad is not None:
+            wanted = self._slowly(motion, self._inside(np.array(state.shown_rad)), elapsed_s)
         else:
             return state, self._limiter.stop(motion, elapsed_s)
         if wanted.resting and wanted.position_rad == motion.position_rad:
@@ -427,6 +429,8 @@ class Retargeting:
         if state.mode is Mode.FOLLOWING and state.pursuit is not None:
             pursuit = state.pursuit
             return self._inside(np.array(pursuit.target_rad) - np.array(pursuit.behind_rad))
+        if state.mode is Mode.SHOWING and state.shown_rad is not None:
+            return self._inside(np.array(state.shown_rad))
         return self._home if state.mode is Mode.RETURNING else resting_rad
 
     def _touches(self, state: RetargetingState) -> bool:
@@ -559,13 +563,13 @@ class Retargeting:
         # A hand that may not be touched anyway is not offered: it makes the arm give way as it comes.
         return among if among.offered < 0 or self._may_touch(state) else replace(among, offered=-1)
 
-    def _homeward(self, motion: JointMotion, elapsed_s: float) -> JointMotion:
-        """A step of the slow way home, or of a stop while the arm is quicker than that way can bear.
+    def _slowly(self, motion: JointMotion, goal_rad: Joints, elapsed_s: float) -> JointMotion:
+        """A step of the slow way home, or elsewhere, or of a stop while the arm is quicker than that way can bear.
 
         Slow brakes would carry an arm that an interaction has left in full flight far beyond its limits.
         """
         if self._slow.bears(motion) and self._is_inside(self._slow.resting_place(motion)):
-            return self._slow.toward(motion, self._home, elapsed_s)
+            return self._slow.toward(motion, goal_rad, elapsed_s)
         return self._limiter.stop(motion, elapsed_s)
 
     def _at_home(self, motion: JointMotion) -> bool:

@@ -29,10 +29,13 @@ class Request:
 
     Attributes:
         kind: `enable` follows motions; `disable` stops smoothly, then sends nothing; `reset` forgets the motion,
-            stops smoothly and goes home; `hold` stops smoothly at once and stays until `release`.
+            stops smoothly and goes home; `hold` stops smoothly at once and stays until `release`;
+            `show` goes somewhere as slowly as home, and stays until `reset`.
+        there_rad: J positions [rad] to `show`.
     """
 
-    kind: Literal["enable", "disable", "reset", "hold", "release"]
+    kind: Literal["enable", "disable", "reset", "hold", "release", "show"]
+    there_rad: Joints = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +46,7 @@ class RetargetingState:
         mode: What it is doing ...
         since_ns: ... and since when.
         held: Whether the operator holds the robot.
+        shown_rad: J positions to which the operator has sent it to show its hand; None for nowhere.
         motion: The newest command with its acceleration; None before the first measurement.
         commanded_ns: When that command was sent; None before the first.
         started_ns: When the first command was sent since the robot was last given free.
@@ -89,6 +93,7 @@ class RetargetingState:
     mode: Mode = Mode.WAITING
     since_ns: int = 0
     held: bool = False
+    shown_rad: Joints | None = None
     motion: JointMotion | None = None
     commanded_ns: int | None = None
     started_ns: int = 0

@@ -57,7 +57,7 @@ def after_time_jump(state: RetargetingState, now_ns: int) -> RetargetingState:
 
     The robot knows nothing of it and still moves, so the command keeps its speed and stops smoothly.
     """
-    stops = state.mode in (Mode.FOLLOWING, Mode.HOLDING, Mode.RETURNING)
+    stops = state.mode in (Mode.FOLLOWING, Mode.HOLDING, Mode.RETURNING, Mode.SHOWING)
     return replace(
         state,
         mode=Mode.HOLDING if stops else state.mode,

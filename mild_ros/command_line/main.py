@@ -27,6 +27,8 @@ COMMANDS = {
     "replay": "Replays a bag, or a trial of a dataset, through the pipeline.",
     "view": "Shows a recorded run in a 3-D page.",
     "models": "Lists the models with their training data and errors.",
+    "robot": "Proposes a robot file from a URDF alone, with a picture and what to check.",
+    "camera": "Finds where the camera is: you hold your hand at the robot's tool.",
     "doctor": "Checks Python, ROS 2 and the network of this machine and says what to fix.",
     "run": "Starts a node, as `ros2 run` does.",
     "launch": "Starts all nodes of a live, simulated or replayed system, as `ros2 launch` does.",

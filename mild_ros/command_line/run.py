@@ -22,6 +22,7 @@ NODES = {
     "inference": "the second stage: motion out",
     "retargeting": "the third stage: commands out",
     "simulation": "a robot in PyBullet",
+    "camera": "where the camera is, from hands held at the tool",
     "markers": "what RViz and Foxglove show",
     "replay": "a bag in place of a tracker",
     "record": "topics into a bag",
@@ -55,7 +56,7 @@ def run(
     given = list(words or ())
     if given and "--ros-args" not in given and not {"--help", "-h"} & set(given):
         given.insert(0, "--ros-args")
-    _become(node, given)
+    become(node, given)
 
 
 def launch(
@@ -107,7 +108,7 @@ def record(
     """
     given = {"bag": str(bag), "topics": list(topics or ()), "split_mb": split_mb}
     words = [word for name, value in given.items() for word in ("-p", f"{name}:={as_yaml(value)}")]
-    _become("record", ["--ros-args", *words])
+    become("record", ["--ros-args", *words])
 
 
 def script() -> None:
@@ -115,7 +116,7 @@ def script() -> None:
     main(["run", Path(sys.argv[0]).name, *sys.argv[1:]])
 
 
-def _become(node: str, words: list[str]) -> None:
+def become(node: str, words: list[str]) -> None:
     """Run a node in this process, so that signals and the exit code are its own."""
     module = import_module(f"mild_ros.nodes.{node}_node")  # a library that is missing is one line here
     sys.argv = [f"mild run {node}", *words]

@@ -83,7 +83,7 @@ UNREMARKABLE = {
     "perception": {"accepted", "calibrating", "calibrated", "no_person"},
     "inference": {"accepted", "measured", "other_joints"},
     "retargeting": {"accepted", "tick", "measured", "other_joints", "person", "not_enabled"}
-    | {"enabled", "disabled", "reset", "held", "released"},
+    | {"enabled", "disabled", "reset", "held", "released", "shown"},
 }
 """Outcomes of a stage that need no warning; any other is an input that could not be used."""
 

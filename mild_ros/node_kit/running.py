@@ -109,6 +109,18 @@ def give_up(node: Node, error: SetupError) -> None:
     rclpy.try_shutdown()
 
 
+def end(node: Node, error: SetupError | None = None) -> None:
+    """End the program from within a callback as a signal does, so that a robot comes to rest first.
+
+    Args:
+        node: Which.
+        error: Its line is printed, and the exit code is 2; None for the end of what was to be done.
+    """
+    if error is not None:
+        setattr(node, _ENDED_BY, error)
+    os.kill(os.getpid(), signal.SIGTERM)
+
+
 def has_given_up(node: Node) -> bool:
     """Whether `give_up` is ending the program."""
     return getattr(node, _ENDED_BY, None) is not None

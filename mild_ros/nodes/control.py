@@ -186,6 +186,14 @@ class Control:
             raise call.error
         return call.result
 
+    def ask(self, request: Request) -> None:
+        """Hand over a request, as an operator would.
+
+        Raises:
+            TimeoutError: Control gets no time.
+        """
+        self.call(lambda: self._request(request))
+
     def _finish(self) -> None:
         """The node is to end: let the robot come to rest first."""
         self.call(lambda: self.commanding.stop("end"))

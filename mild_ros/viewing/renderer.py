@@ -125,6 +125,17 @@ class Renderer:
         picture = Image.fromarray(np.clip(pixels, 0, 255).astype(np.uint8))
         return picture.resize((width, height), Image.Resampling.LANCZOS)
 
+    def pixel(
+        self, view: Viewpoint, width: int, height: int, point_m: Sequence[float] | FloatArray
+    ) -> tuple[float, float]:
+        """Where a point of the robot's base frame is in such a picture: columns from the left, rows from the top."""
+        eye = self._bullet.computeViewMatrixFromYawPitchRoll(
+            view.target_m, view.distance_m, view.turned_deg, -view.raised_deg, 0.0, 2
+        )
+        lens = self._bullet.computeProjectionMatrixFOV(view.opening_deg, width / height, 0.1, 20.0)
+        seen = np.reshape(lens, (4, 4)).T @ np.reshape(eye, (4, 4)).T @ np.array([*point_m, 1.0])
+        return float((seen[0] / seen[3] + 1.0) / 2.0 * width), float((1.0 - seen[1] / seen[3]) / 2.0 * height)
+
     def _floor_colour(self, places_m: FloatArray) -> FloatArray:
         """Soft shadows under whatever stands there, fading into the background: the renderer's own are jagged."""
         shade = np.zeros(len(places_m))

@@ -19,6 +19,7 @@ EXECUTABLES = {
     "retargeting",
     "pipeline",
     "simulation",
+    "camera",
     "markers",
     "replay",
     "record",

@@ -74,9 +74,13 @@ def test_it_runs_from_one_file(panda: Path, model: Path, tmp_path: Path) -> None
     assert read.motions[-1].joint_names == ARM_JOINTS
 
 
-def test_a_robot_without_an_arm_is_refused_before_it_moves(model: Path) -> None:
-    parameters = PipelineParameters(model=str(model), robot="yumi")
-    with pytest.raises(SetupError, match="yumi does not say where its shoulder and elbow are"):
+def test_a_robot_without_an_arm_is_refused_before_it_moves(panda: Path, model: Path, tmp_path: Path) -> None:
+    bare = tmp_path / "bare.toml"
+    bare.write_text(
+        "".join(line for line in panda.read_text().splitlines(True) if not line.startswith(("shou", "elb")))
+    )
+    parameters = PipelineParameters(model=str(model), robot=str(bare))
+    with pytest.raises(SetupError, match="panda does not say where its shoulder and elbow are"):
         make_pipeline(parameters, load(parameters.model))
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from mild_core.errors import SetupError
 from mild_core.retargeting.robot_model.arm_mapping import LONGEST_M, SHORTEST_M
+from mild_core.retargeting.robot_model.chain import arm_side, from_base
 from mild_core.retargeting.robot_model.inverse_kinematics import InverseKinematics, Reach
 from mild_core.retargeting.robot_model.kinematics import forward_kinematics, read_tree
 from mild_core.retargeting.robot_model.robot import RobotModel
@@ -36,7 +37,7 @@ class ArmFollower(Protocol):
 
 
 class LinkFollower:
-    """Moves the elbow and the tool of an arm by inverse kinematics.
+    """Moves the elbow and the tool of an arm by inverse kinematics; a left arm does as a right one does, mirrored.
 
     Args:
         robot: With `arm_links`.
@@ -54,17 +55,18 @@ class LinkFollower:
         shoulders, elbows, tools = (_ends(robot, link) for link in (shoulder, self._elbow, self._tool))
         if not _stays(shoulders):
             problem = f"its shoulder link '{shoulder}' moves with the arm"
-            carried = read_tree(robot.urdf_path).chain(self._tool, robot.base_link)
+            carried, _ = from_base(robot, read_tree(robot.urdf_path))
             standing = [link for link in (joint.child for joint in carried) if _stays(_ends(robot, link))]
             remedy = f"name a link about whose origin the arm turns: '{(standing or [robot.base_link])[-1]}'"
             raise SetupError(f"robot {robot.name}", problem, remedy)
         self._shoulder_m = shoulders[0]
+        self._mirror = np.array([1.0, -1.0 if arm_side(robot) == "left" else 1.0, 1.0])
         self._upper_arm_m = float(np.linalg.norm(elbows[0] - shoulders[0]))
         self._forearm_m = float(np.linalg.norm(tools[0] - elbows[0]))
 
     def joints(self, arm_m: FloatArray, near_rad: tuple[float, ...]) -> tuple[float, ...]:
         """N joints [rad]; see `ArmFollower`."""
-        bones = np.diff(arm_m, axis=0)
+        bones = np.diff(arm_m, axis=0) * self._mirror
         lengths = np.sqrt((bones**2).sum(axis=1))
         if not (lengths.min() > SHORTEST_M and lengths.max() < LONGEST_M):
             return near_rad

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -75,8 +77,8 @@ def chain_of(robot: RobotModel) -> Chain:
     """
     tree = read_tree(robot.urdf_path)
     names, columns, offsets, axes = [], [], [], []
-    pose: FloatArray = np.eye(4)
-    for joint in tree.chain(robot.tool_link, robot.base_link):
+    joints, pose = from_base(robot, tree)
+    for joint in joints:
         if joint.kind in LOOSE:
             problem = f"joint '{joint.name}' is {joint.kind} and lies between '{robot.base_link}' and the tool"
             raise SetupError(robot.source, problem, f"take '{joint.child}' as base_link")
@@ -102,6 +104,52 @@ def chain_of(robot: RobotModel) -> Chain:
     )
 
 
+ASIDE_M = 0.05
+"""A shoulder that is further to one side than this is on it."""
+
+SIDES = {
+    "left": re.compile(r"(^|[_/])(left|l)([_/]|$)|^left", re.IGNORECASE),
+    "right": re.compile(r"(^|[_/])(right|r)([_/]|$)|^right", re.IGNORECASE),
+}
+"""In the names of joints."""
+
+
+def arm_side(robot: RobotModel) -> str:
+    """Which arm of a robot it is, "right" or "left", by its shoulder's place or its joints' names; "" in the middle."""
+    y = float(chain_of(robot).offsets[0][1, 3])
+    if abs(y) > ASIDE_M:
+        return "left" if y > 0.0 else "right"
+    return named_side(robot.joint_names)
+
+
+def named_side(names: Sequence[str]) -> str:
+    """The side that most of some joints are named by; "" for none."""
+    named = {side: sum(bool(pattern.search(name)) for name in names) for side, pattern in SIDES.items()}
+    most = max(named, key=lambda side: named[side])
+    return most if named[most] * 2 > len(names) else ""
+
+
+def from_base(robot: RobotModel, tree: KinematicTree) -> tuple[tuple[Joint, ...], FloatArray]:
+    """The joints that lead to the tool, and (4, 4) where the first one's parent is in the base frame.
+
+    The base frame may be a link beside the arm, such as a sole or a mark, as long as no commanded joint moves it.
+
+    Raises:
+        SetupError: There is no such link, or one does.
+    """
+    if robot.base_link in {tree.root, *(joint.parent for joint in tree.chain(robot.tool_link))}:
+        return tree.chain(robot.tool_link, robot.base_link), np.eye(4)
+    above = tree.chain(robot.base_link)
+    for joint in above:
+        if moves(robot, tree, joint) or joint.kind in LOOSE:
+            problem = f"link '{robot.base_link}' does not carry '{robot.tool_link}', and '{joint.name}' moves it"
+            raise SetupError(robot.source, problem, f"use '{tree.root}' as base")
+    shared = [one for one, other in zip(above, tree.chain(robot.tool_link), strict=False) if one is other]
+    start = shared[-1].child if shared else tree.root
+    pose = np.asarray(np.linalg.inv(tree.pose(robot.base_link, robot.at_home, start)), dtype=np.float64)
+    return tree.chain(robot.tool_link, start), pose
+
+
 def moves(robot: RobotModel, tree: KinematicTree, joint: Joint) -> bool:
     """Whether a joint moves when the robot is commanded: it is, or it copies one that is."""
     leader, ratio, _ = tree.followed(joint)
@@ -111,7 +159,7 @@ def moves(robot: RobotModel, tree: KinematicTree, joint: Joint) -> bool:
 def mount_of(robot: RobotModel, tree: KinematicTree, link: str) -> Mount:
     """What `link` hangs on: the last joint of the chain that carries it, or the base."""
     rest = robot.at_home
-    carried = [joint for joint in tree.chain(robot.tool_link, robot.base_link) if moves(robot, tree, joint)]
+    carried = [joint for joint in from_base(robot, tree)[0] if moves(robot, tree, joint)]
     above = {joint.name for joint in tree.chain(link)}
     frames = [number for number, joint in enumerate(carried, start=1) if joint.name in above]
     if frames:

@@ -81,7 +81,7 @@ class InverseKinematics:
             raise SetupError("inverse kinematics", f"a library is missing ({error})", "install pin and daqp") from error
         tree, chain = read_tree(robot.urdf_path), chain_of(robot)
         for link in links:
-            tree.chain(link, robot.base_link)  # says in one line what is wrong
+            tree.chain(link)  # says in one line what is wrong
         self._model = pinocchio.buildModelFromXML(rigid_bodies(robot, shapes=False))
         self._spread, self._shift = _spread(self._model, robot)
         self._lower, self._upper = robot.lower_rad + margin_rad, robot.upper_rad - margin_rad

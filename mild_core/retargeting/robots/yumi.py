@@ -57,6 +57,7 @@ YUMI = RobotModel(
     urdf_path=Path(__file__).with_name("yumi.urdf"),
     base_link="yumi_base_link",
     tool_link="tool_r",
+    arm_links=("yumi_link_1_r", "yumi_link_4_r"),
     on_table=True,
     rest=(
         *((joint_name(axis, "l"), position) for axis, position in zip(AXES, LEFT_REST_RAD, strict=True)),

@@ -92,17 +92,24 @@ class Offer:
 
     def _motion(self, now_ns: int, time_s: float) -> MotionWindow:
         shares = np.array([self.raised(time_s + 0.025 * row) for row in range(40)])
-        rest, offered = self.arms if self.robot.follows_arms else (self.robot.home_rad, self.robot.home_rad + AWAY_RAD)
+        rest, offered = (
+            self.arms if does_as_partners(self.robot) else (self.robot.home_rad, self.robot.home_rad + AWAY_RAD)
+        )
         rows = rest + shares.reshape(-1, *np.ones(rest.ndim, dtype=int)) * (offered - rest)
-        names = ARM_JOINTS if self.robot.follows_arms else self.robot.joint_names
+        names = ARM_JOINTS if does_as_partners(self.robot) else self.robot.joint_names
         known = {"probability": 1.0, "belief": np.ones(1), "phase": 0.5, "out_of_distribution": 0.1}
         spread = 1e-3 * np.eye(rest.size)
         return MotionWindow(now_ns, 0, MODEL_PERIOD_NS, names, rows, spread, "handshake", **known)  # type: ignore[arg-type]
 
 
+def does_as_partners(robot: RobotModel) -> bool:
+    """Whether the models that move it here are of two people; those of YuMi learned its own joints."""
+    return robot.follows_arms and robot.name != "yumi"
+
+
 def learned_hand(robot: RobotModel, arms: Arms = LOW) -> FloatArray:
     """(3,) where the robot's hand is when its arm does as the partner's that is held out."""
-    if not robot.follows_arms:
+    if not does_as_partners(robot):
         return chain_of(robot).tool(robot.home_rad + AWAY_RAD)
     joints = tuple(robot.home_rad.tolist())
     for _ in range(20):  # inverse kinematics goes a few steps each time

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from mild_core.errors import SetupError
 from mild_core.retargeting.robot_model.arm_following import LinkFollower
+from mild_core.retargeting.robot_model.chain import chain_of
 from mild_core.retargeting.robot_model.robot import RobotModel
 from mild_core.retargeting.robots.pepper import PEPPER
 from mild_core.retargeting.robots.yumi import YUMI
@@ -26,8 +27,8 @@ HANGING = np.array(PEPPER.arm.directions((1.59, -0.16), (1.34, 0.24)))
 AHEAD = np.array([[1, -0.4, -0.6], [1, -0.2, 0.6]])
 """Directions of upper arm and forearm that Pepper can take."""
 
-YUMI_ARM = replace(YUMI, arm_links=("yumi_link_1_r", "yumi_link_4_r"))
-"""A robot with seven joints and no closed form."""
+NO_ARM = replace(YUMI, arm_links=None)
+"""A robot that says nothing of its arm."""
 
 
 def arm(bones: FloatArray, lengths_m: tuple[float, float] = (0.31, 0.25)) -> FloatArray:
@@ -70,26 +71,26 @@ def test_pepper_does_what_the_partner_does() -> None:
 
 
 def test_only_directions_count_whatever_the_lengths_of_the_persons_bones() -> None:
-    follower, home = LinkFollower(YUMI_ARM), tuple(YUMI_ARM.home_rad.tolist())
+    follower, home = LinkFollower(YUMI), tuple(YUMI.home_rad.tolist())
     found = [follower.joints(arm(AHEAD, lengths_m), home) for lengths_m in ((0.31, 0.25), (0.25, 0.31), (0.2, 0.2))]
     np.testing.assert_allclose(found[1:], [found[0]] * 2, atol=1e-9)
 
 
 def test_a_robot_without_a_closed_form_points_where_it_can() -> None:
-    _, commands = followed(YUMI_ARM, [np.stack([arm(AHEAD)] * 5)] * 100)
-    check_limits(YUMI_ARM, commands)
-    follower = LinkFollower(YUMI_ARM)
+    _, commands = followed(YUMI, [np.stack([arm(AHEAD)] * 5)] * 100)
+    check_limits(YUMI, commands)
+    follower = LinkFollower(YUMI)
     here = tuple(commands[-1].positions_rad.tolist())
     # Nothing is left to do: the solver stays where the commands have come to.
     np.testing.assert_allclose(follower.joints(arm(AHEAD), here), here, atol=0.02)
 
 
 def test_a_robot_that_says_nothing_of_its_arm_takes_no_partner() -> None:
-    outcome, commands = followed(YUMI, [np.stack([arm(AHEAD)] * 5)])
+    outcome, commands = followed(NO_ARM, [np.stack([arm(AHEAD)] * 5)])
     assert outcome == "wrong_joints"
     assert all(command.mode == "idle" for command in commands)
     with pytest.raises(SetupError, match="which links are shoulder and elbow"):
-        LinkFollower(YUMI)
+        LinkFollower(NO_ARM)
 
 
 def test_a_shoulder_that_moves_is_refused_and_the_link_that_the_remedy_names_is_none_such() -> None:
@@ -100,7 +101,27 @@ def test_a_shoulder_that_moves_is_refused_and_the_link_that_the_remedy_names_is_
     LinkFollower(replace(YUMI, arm_links=(named, "yumi_link_6_r")))
 
 
-@pytest.mark.parametrize("follower", [PEPPER.arm, LinkFollower(YUMI_ARM)], ids=["closed form", "links"])
+def test_a_left_arm_does_as_a_right_one_mirrored() -> None:
+    left = replace(
+        YUMI,
+        joint_names=tuple(name.replace("_r", "_l") for name in YUMI.joint_names),
+        tool_link="tool_l",
+        arm_links=("yumi_link_1_l", "yumi_link_4_l"),
+        home_rad=YUMI.home_rad * np.array([-1, 1, -1, 1, -1, 1, -1]),
+        rest=tuple((name.replace("_l", "_r"), position) for name, position in YUMI.rest if "joint_" in name),
+    )
+    mirror = np.array([1.0, -1.0, 1.0])
+    hands = []
+    for robot in (YUMI, left):
+        joints, follower = tuple(robot.home_rad.tolist()), LinkFollower(robot)
+        for _ in range(30):
+            joints = follower.joints(arm(AHEAD), joints)
+        chain = chain_of(robot)
+        hands.append(chain.tool(np.array(joints)) - chain.offsets[0][:3, 3])
+    np.testing.assert_allclose(hands[1], hands[0] * mirror, atol=0.02)
+
+
+@pytest.mark.parametrize("follower", [PEPPER.arm, LinkFollower(YUMI)], ids=["closed form", "links"])
 @pytest.mark.parametrize("elbow", [0.0, 50.0], ids=["collapsed", "far away"])
 def test_a_lost_arm_moves_nothing(follower: LinkFollower, elbow: float) -> None:
     lost = arm(AHEAD)

@@ -74,3 +74,12 @@ def test_a_raised_hand_with_a_usable_motion_is_followed_from_everywhere(mode: Mo
 )
 def test_one_mode_follows_another(mode: Mode, holds: tuple[str, ...], wanted: Mode) -> None:
     assert after(mode, *holds) is wanted
+
+
+@pytest.mark.parametrize("mode", [mode for mode in LIVE if mode is not Mode.HELD])
+def test_an_arm_that_is_sent_to_show_its_hand_follows_no_person_and_comes_home_afterwards(mode: Mode) -> None:
+    assert after(mode, "shows", "usable", "raised", "present") is Mode.SHOWING
+    assert after(mode, "shows", "held") is Mode.HELD
+    assert after(mode, "shows", "displaced") is Mode.HOLDING
+    assert after(Mode.SHOWING) is Mode.RETURNING
+    assert after(Mode.SHOWING, "at_home") is Mode.IDLE

@@ -78,7 +78,7 @@ def test_a_left_arm_under_a_model_of_a_right_one_is_named(tmp_path: Path, name: 
     named = _other_side(_named(arm, renamed), "right")
     assert bool(named) is said
     if said:
-        assert named.startswith("its arm is a left one, and the model moves a right arm")
+        assert named == "its arm is a left one, and the model moves a right arm: it does as that does, mirrored"
         assert not _other_side(_named(arm, renamed), "left")
 
 
