@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from mild_core.retargeting.evasion import COLLIDES, LOOKED_AT, Evasion
+from mild_core.retargeting.evasion import AHEAD_S, COLLIDES, KINDS, LOOKED_AT, LOOKS, REACTS_S, Evasion
 from mild_core.retargeting.guard import PACE, Guard
 from mild_core.retargeting.limiter import JointMotion
 from mild_core.retargeting.obstacles import NO_ONE, Obstacles
@@ -201,3 +203,78 @@ def test_a_way_through_the_robot_itself_is_no_way() -> None:
         elif GUARD.own_clearance_m(way).min() > 0.01:
             assert EVASION.in_the_way(YUMI.home_rad, to, walking) < COLLIDES
     assert through >= 1
+
+
+REACHED_OUT = YUMI.home_rad + np.array([-0.3, 0.6, 0.9, -1.2, 0.0, 0.4, 0.0])
+"""A posture with the hand high, half a metre before the robot and far to the right."""
+
+
+def walks_past(hand_m: np.ndarray, from_m: float, speed_m_s: float, radius_m: float = 0.15) -> Obstacles:
+    """A trunk that walks along the robot's front to where a hand is, from so far beside it."""
+    start, way = hand_m - from_m * AHEAD, np.tile(speed_m_s * AHEAD, (1, 2, 1))
+    ends = np.array([[start - 0.2 * UP, start + 0.2 * UP]])
+    return Obstacles((1,), ("trunk",), ends, way, np.array([radius_m]), np.array([0.05]), np.array([0.35]))
+
+
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def test_way_is_made_where_the_arm_is_going_before_it_is_there() -> None:
+    goal = REACHED_OUT
+    hand = chain_of(YUMI).tool(goal)
+    assert hand[0] - TOOL_M[0] > 0.25
+    walking = EVASION.walking(walks_past(hand, 0.8, 0.5, 0.1))
+    assert walking is not None
+    assert not EVASION.threatens(YUMI.home_rad, YUMI.home_rad, walking, False)
+    assert EVASION.threatens(YUMI.home_rad, goal, walking, False)
+
+
+def test_an_arm_needs_time_to_set_off() -> None:
+    look_s = AHEAD_S / LOOKS
+    assert REACTS_S > 0.5 * look_s
+    hand, away = chain_of(YUMI).tool(REACHED_OUT), chain_of(YUMI).tool(YUMI.home_rad)
+    assert np.linalg.norm(hand - away) > 0.2
+    at_once = walks_past(hand, 10.0 * look_s, 10.0, 0.05)
+    walking = EVASION.walking(at_once)
+    assert walking is not None
+    stays, goes = (EVASION.in_the_way(REACHED_OUT, to, walking) for to in (REACHED_OUT, YUMI.home_rad))
+    assert goes > 0.6 * stays > 0.0
+
+
+@pytest.mark.parametrize("speed_m_s", [0.0, 1.0])
+def test_on_a_way_towards_who_comes_fast_the_arm_waits(speed_m_s: float) -> None:
+    comes = walks_past(chain_of(YUMI).tool(REACHED_OUT), 0.45, speed_m_s, 0.1)
+    nobody_waits, longer = replace(comes, zones_m=np.array([-1.0])), 0
+    for to in EVASION.postures_rad:
+        waiting, going = (EVASION.in_the_way(REACHED_OUT, to, each) for each in (comes, nobody_waits))
+        longer += waiting > 1.2 * going + 1e-5
+        assert speed_m_s or waiting == going
+    assert (longer > 2) is (speed_m_s > 0.0)
+
+
+def test_from_who_walks_fast_a_stretched_arm_is_drawn_straight_back() -> None:
+    hand, better = chain_of(YUMI).tool(REACHED_OUT) - np.array([0.1, 0.0, 0.0]), []
+    for speed_m_s in (0.8, 1.0):
+        walking = EVASION.walking(walks_past(hand, 0.8, speed_m_s))
+        assert walking is not None
+        refuge = EVASION.refuge(REACHED_OUT, walking, None)
+        assert refuge.turn == KINDS * len(EVASION.postures_rad)
+        goes = EVASION.in_the_way(REACHED_OUT, np.array(refuge.posture_rad), walking)
+        better.append(goes / min(EVASION.in_the_way(REACHED_OUT, to, walking) for to in EVASION.postures_rad))
+    assert max(better) < 0.15
+
+
+def test_nothing_that_gives_way_comes_faster_towards_a_person_than_the_guard_allows() -> None:
+    hand, least = chain_of(YUMI).tool(REACHED_OUT), []
+    for aside_m in (0.25, 0.3):
+        comes = walks_past(hand, aside_m + 0.2, 1.0)
+        here = GUARD.here(JointMotion.at_rest(tuple(REACHED_OUT.tolist())), comes)
+        at = tuple(REACHED_OUT.tolist())
+        rates, _ = YIELDING.retreat(at, at, at, here, comes, None, meets_watched=False)
+        assert rates is not None
+        rows, clear, coming, _ = GUARD.rows_away(REACHED_OUT, comes, 0.5)
+        near = (clear < 0.35) & (np.linalg.norm(rows, axis=1) > 0.1)
+        assert near.any()
+        allowed = np.maximum(PACE * SETTINGS.near_speed_m_s - coming[near], 0.0)
+        least.append(float((rows[near] @ np.array(rates) + allowed).min()))
+    assert min(least) > -0.02
