@@ -9,14 +9,70 @@ from functools import cached_property
 from typing import Literal
 
 from mild_core.errors import SetupError, unknown_name
+from mild_core.parameters import check, parameter
 from mild_core.perception.calibration import Calibration
 from mild_core.perception.skeletons.source import JOINTS, Axes
 from mild_core.shapes import FloatArray, read_only, require_shape
 
 
 @dataclass(frozen=True, kw_only=True)
-class PerceptionSettings:
-    """Everything that perception needs to know. The first six come from the model folder.
+class TrackingSettings:
+    """Which person and arm is tracked, and when a frame is not used: what may be chosen with any model and tracker."""
+
+    side: Literal["right", "left"] = parameter("right", "The person's arm to track.", choices=("right", "left"))
+    axes: Literal["torso", "given"] = parameter(
+        "torso",
+        "Take the person's axes from the torso at calibration, or as given: x forward, y left, z up.",
+        choices=("torso", "given"),
+    )
+    calibration_s: float = parameter(
+        1.0, "Time of standing still for the calibration.", unit="s", minimum=0.1, maximum=10.0
+    )
+    calibration_still_m: float = parameter(
+        0.05,
+        "Farthest that shoulders and pelvis may stray from their mean meanwhile.",
+        unit="m",
+        minimum=0.001,
+        maximum=1.0,
+        offered=False,
+    )
+    max_gap_s: float = parameter(0.5, "Longest gap bridged by interpolation.", unit="s", minimum=0.01, maximum=2.0)
+    min_confidence: float = parameter(0.5, "Joints with a lower confidence are not used.", minimum=0.0, maximum=1.0)
+    bone_tolerance: float = parameter(
+        0.3,
+        "Largest relative deviation of a bone from its calibrated length that raises no doubt: beyond it a bone must "
+        "not leap, and arms that are so for `forget_s` belong to another person.",
+        minimum=0.01,
+        maximum=10.0,
+        offered=False,
+    )
+    reacquire_distance_m: float = parameter(
+        0.5,
+        "Largest distance from the last position at which a detection is the same person.",
+        unit="m",
+        minimum=0.05,
+        maximum=5.0,
+    )
+    forget_s: float = parameter(5.0, "How long to wait for a lost person.", unit="s", minimum=0.5, maximum=3600.0)
+    frozen_after_s: float = parameter(
+        0.5,
+        "A body that repeats bit for bit for longer is no measurement and is not tracked.",
+        unit="s",
+        minimum=0.1,
+        maximum=10.0,
+    )
+    keep_body_s: float = parameter(
+        2.0,
+        "How long a body that is missing from the tracker's messages stays an obstacle, with a growing radius.",
+        unit="s",
+        minimum=0.1,
+        maximum=60.0,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class PerceptionSettings(TrackingSettings):
+    """Everything that perception needs to know. The first five come from the model folder.
 
     Attributes:
         joint_names: J joints the model observes, from the shoulder outwards, without their side ("shoulder", ...).
@@ -25,25 +81,11 @@ class PerceptionSettings:
         rate_hz: The model's rate.
         window: W, rows of a window.
         features: "positions", or "positions_velocities".
-        side: The arm to watch; the left one is mirrored into a right one.
-        axes: "torso" takes forward, left and up from the person's own body at calibration; "given" says that the
-            positions come with x forward, y left, z up of the person already.
         source_axes: The axes of the tracker, for telling a wrong camera frame; "unknown" turns this check off.
         frame_id: The only tf frame to accept; empty accepts the first that comes.
         robot_from_source: (4, 4) pose of the tracker's frame in the robot's base frame, for a camera that is
             calibrated to the robot; None when unknown.
         calibration: One made before, to start without the neutral second; a later person calibrates again.
-        calibration_s: How long the person has to stand still.
-        calibration_still_m: Farthest that shoulders and pelvis may stray from their mean meanwhile.
-        max_gap_s: Longest time without a usable frame that is bridged by interpolation.
-        min_confidence: Least confidence of a joint that is used; the Azure Kinect's guessed joints have 0.3.
-        bone_tolerance: Largest relative deviation of a bone from its calibrated length that raises no doubt: beyond it
-            a bone must not leap, and arms that are so for `forget_s` belong to another person. 0.3, because an Azure
-            Kinect lets the whole skeleton breathe by +-11 %.
-        reacquire_distance_m: How near to where the person was last seen a body has to be to be the same person.
-        frozen_after_s: A body whose joints are equal to the bit for longer, under new stamps, is not measured any more.
-        forget_s: How long a lost person is waited for before another one may take over.
-        keep_body_s: How long a body that is missing from the messages stays an obstacle, with a growing radius.
     """
 
     joint_names: tuple[str, ...]
@@ -51,21 +93,10 @@ class PerceptionSettings:
     rate_hz: float
     window: int
     features: Literal["positions", "positions_velocities"] = "positions"
-    side: Literal["right", "left"] = "right"
-    axes: Literal["torso", "given"] = "torso"
     source_axes: Axes = "unknown"
     frame_id: str = ""
     robot_from_source: FloatArray | None = field(default=None, compare=False)
     calibration: Calibration | None = None
-    calibration_s: float = 1.0
-    calibration_still_m: float = 0.05
-    max_gap_s: float = 0.5
-    min_confidence: float = 0.5
-    bone_tolerance: float = 0.3
-    reacquire_distance_m: float = 0.5
-    forget_s: float = 5.0
-    frozen_after_s: float = 0.5
-    keep_body_s: float = 2.0
 
     def __post_init__(self) -> None:
         """Raise SetupError for settings that cannot work."""
@@ -74,14 +105,15 @@ class PerceptionSettings:
         if self.robot_from_source is not None:
             object.__setattr__(self, "robot_from_source", read_only(self.robot_from_source))
             require_shape("robot_from_source", self.robot_from_source, (4, 4))
+        check(self)
         for name, allowed in _CHOICES.items():
             if getattr(self, name) not in allowed:
                 raise unknown_name(name, str(getattr(self, name)), allowed)
         self._check_joints()
-        for name, least in _LEAST.items():
+        for name in ("rate_hz", "window"):
             value = getattr(self, name)
-            if not (math.isfinite(value) and value > least):
-                raise SetupError(name, f"is {value}", f"give a number above {least:g}")
+            if not (math.isfinite(value) and value > 0):
+                raise SetupError(name, f"is {value}", "give a number above 0")
         if self.calibration is not None and self.calibration.side != self.side:
             raise SetupError("calibration", f"is of the {self.calibration.side} arm", f"calibrate the {self.side} one")
         if self.calibration is not None and len(self.calibration.bone_lengths_m) != len(self.joint_names) - 1:
@@ -124,20 +156,5 @@ class PerceptionSettings:
 
 _CHOICES: dict[str, tuple[str, ...]] = {
     "features": ("positions", "positions_velocities"),
-    "side": ("right", "left"),
-    "axes": ("torso", "given"),
     "source_axes": ("optical", "rep103", "unknown"),
-}
-_LEAST = {
-    "rate_hz": 0.0,
-    "window": 0,
-    "calibration_s": 0.0,
-    "calibration_still_m": 0.0,
-    "max_gap_s": 0.0,
-    "min_confidence": -1e-9,
-    "bone_tolerance": 0.0,
-    "reacquire_distance_m": 0.0,
-    "forget_s": 0.0,
-    "frozen_after_s": 0.0,
-    "keep_body_s": 0.0,
 }

@@ -149,7 +149,7 @@ def obstacles_of(
         segments = _at_places(segments, standing, places)
         unsure_m = settings.placement_uncertainty_m
     ends, velocities = segments.ends_m, segments.velocities_m_s
-    ahead_s = min(age_s + settings.look_ahead_s, HORIZON_S)
+    ahead_s = min(age_s + settings.ahead_s, HORIZON_S)
     ends = ends + ahead_s * velocities
     radii = segments.radii_m + min(max(age_s - AGED_S, 0.0) * AGED_M_S, AGED_MOST_M)
     keep = np.full(len(radii), settings.keep_out_m + unsure_m)

@@ -166,7 +166,7 @@ class Retargeting:
 
     def init(self) -> RetargetingState:
         """The state before the first input."""
-        state = RetargetingState(mode=Mode.WAITING if self.settings.start_enabled else Mode.DISABLED)
+        state = RetargetingState(mode=Mode.WAITING if self.settings.enabled else Mode.DISABLED)
         return replace(state, no_contact=self._no_contact(state, 0))
 
     def trajectory_stream(self) -> TrajectoryStream:
@@ -212,10 +212,10 @@ class Retargeting:
             state = replace(state, started_ns=now_ns)
         elapsed_s = 0.0 if state.commanded_ns is None else (now_ns - state.commanded_ns) * 1e-9
         if self.settings.execution_delay_s:
-            if elapsed_s > self.settings.max_gap_s:
+            if elapsed_s > self.settings.command_gap_s:
                 state = after_gap(state, motion, now_ns)
             motion, elapsed_s = resumed(self._limiter, motion, elapsed_s)
-        elif elapsed_s > self.settings.max_gap_s:
+        elif elapsed_s > self.settings.command_gap_s:
             state, elapsed_s = after_gap(state, motion, now_ns), 0.0
             motion = state.motion or motion
         if state.plan is not None and state.plan.interaction and self.standing is not None:
@@ -536,7 +536,7 @@ class Retargeting:
             return UNKNOWN_DIRECTION
         if (now_ns - sight.hand_ns) * 1e-9 > LOST_S or (sight.frame_id == ARM_FRAME and self.standing is None):
             return UNKNOWN_DIRECTION
-        hand = sight.hand_at(now_ns + round(settings.look_ahead_s * 1e9))
+        hand = sight.hand_at(now_ns + round(settings.ahead_s * 1e9))
         if self.standing is not None:
             hand = self.standing.placed(hand, sight.frame_id, state.place_m or self.standing.place_m)
         return hand
@@ -568,7 +568,7 @@ class Retargeting:
         return arm_follower(self.robot)
 
     def _wanted(self, plan: Plan, motion: JointMotion, now_ns: int) -> FloatArray:
-        target = plan.at(now_ns + round(self.settings.look_ahead_s * 1e9))
+        target = plan.at(now_ns + round(self.settings.ahead_s * 1e9))
         if target.ndim == 2:
             target = np.array(self._arm.joints(target, motion.position_rad))
         wanted: FloatArray = np.minimum(np.maximum(target, self._lower), self._upper)

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from mild_core.parameters import parameter
 from mild_core.perception.skeletons import SOURCES, SkeletonSource
 from mild_ros.assembly.tracker_settings import TrackerParameters
-from mild_ros.node_kit.parameters import parameter
 
 FIRST_HEARD = "first message on {}"
 """What the recorder logs of a topic, for a process that waits for it."""

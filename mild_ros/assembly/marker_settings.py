@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mild_ros.node_kit.parameters import parameter
+from mild_core.parameters import parameter
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,10 @@ import numpy as np
 from mild_core.errors import SetupError
 from mild_core.inference.manifest import Manifest
 from mild_core.inference.manifest_reading import read_manifest
+from mild_core.parameters import chosen
 from mild_core.perception.bodies import compile_kernels
 from mild_core.perception.joint_validity import places_of
+from mild_core.perception.settings import TrackingSettings
 from mild_core.perception.skeletons import SkeletonSource
 from mild_core.perception.skeletons.source import Axes
 from mild_core.perception.stage import Perception
@@ -82,19 +84,11 @@ def make_perception(parameters: PerceptionParameters, manifest: Manifest) -> Per
     source = skeleton_source(parameters)
     settings = perception_settings(
         manifest,
-        side=parameters.side,
-        axes=parameters.axes,
         source_axes=source.axes,
         frame_id=parameters.frame_id,
         robot_from_source=robot_from_camera(parameters.robot_from_camera),
         calibration=CalibrationFile(parameters.calibration_file).read(),
-        calibration_s=parameters.calibration_s,
-        max_gap_s=parameters.max_gap_s,
-        min_confidence=parameters.min_confidence,
-        reacquire_distance_m=parameters.reacquire_distance_m,
-        forget_s=parameters.forget_s,
-        frozen_after_s=parameters.frozen_after_s,
-        keep_body_s=parameters.keep_body_s,
+        **vars(chosen(TrackingSettings, parameters)),
     )
     unseen = sorted(set(settings.sided_names) - places_of(tuple(source.joint_ids.values())).keys())
     if unseen:

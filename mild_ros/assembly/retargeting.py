@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from mild_core.inference.manifest import Manifest
+from mild_core.parameters import chosen
 from mild_core.printable import printable_lines
 from mild_core.retargeting.human_track import AssumedPlacement
 from mild_core.retargeting.robot_checks import arm_notes, check_reach
@@ -44,29 +45,8 @@ def make_retargeting(
     moves_arm = manifest.controlled.kind == "human_arm"
     for note in arm_notes(robot, manifest.observed.side if moves_arm else ""):
         logging.getLogger(__name__).warning("%s", printable_lines(note))
-    delay_s = delay_of(parameters, parameters.control_rate_hz)
-    settings = RetargetingSettings(
-        look_ahead_s=parameters.look_ahead_s + delay_s,
-        execution_delay_s=delay_s,
-        stale_after_s=parameters.stale_after_s,
-        max_age_s=parameters.max_age_s,
-        home_after_s=parameters.home_after_s,
-        home_velocity_rad_s=parameters.home_velocity_rad_s,
-        ramp_velocity_rad_s=parameters.ramp_velocity_rad_s,
-        ik=parameters.ik,  # type: ignore[arg-type]
-        keep_out_m=parameters.keep_out_m,
-        near_speed_m_s=parameters.near_speed_m_s,
-        allow_unmeasured_contact=parameters.allow_unmeasured_contact,
-        placement_uncertainty_m=parameters.placement_uncertainty_m,
-        start_facing_deg=parameters.start_facing_deg,
-        start_hand_m=parameters.start_hand_m,
-        start_trunk_m=parameters.start_trunk_m,
-        start_watch_s=parameters.start_watch_s,
-        start_reach_m=parameters.start_reach_m,
-        start_evidence=parameters.start_evidence,
-        start_evidence_s=parameters.start_evidence_s,
-        interaction_s=parameters.interaction_s,
-        start_enabled=parameters.enabled,
+    settings = chosen(
+        RetargetingSettings, parameters, execution_delay_s=delay_of(parameters, parameters.control_rate_hz)
     )
     there = manifest.robot_from_human
     standing = AssumedPlacement(there.translation_m, there.yaw_rad, there.by_interaction, tuple(manifest.contact))

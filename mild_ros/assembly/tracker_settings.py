@@ -6,9 +6,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from mild_core.errors import SetupError
+from mild_core.parameters import parameter
 from mild_core.perception.skeletons import SOURCES, SkeletonSource
 from mild_core.perception.skeletons.source import Axes
-from mild_ros.node_kit.parameters import parameter
 
 _NAMELESS = tuple(name for name, source in SOURCES.items() if not source.joint_ids)
 """Sources whose joints have to be named by parameter."""

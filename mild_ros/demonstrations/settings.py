@@ -27,9 +27,10 @@ from typing import Any
 
 from mild_core.budgets import SETTINGS_BYTES, parse_toml, read_file
 from mild_core.errors import SetupError, unknown_name
+from mild_core.parameters import parameter
 from mild_ros.assembly.settings import PerceptionParameters
 from mild_ros.demonstrations.labels import BagLabels, bag_labels
-from mild_ros.node_kit.parameters import from_values, parameter
+from mild_ros.node_kit.parameters import from_values
 
 REMEDY = "see mild demonstrations --help"
 SAME = "same"

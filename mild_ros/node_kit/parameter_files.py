@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -12,6 +11,7 @@ import yaml
 
 from mild_core.budgets import SETTINGS_BYTES, read_file
 from mild_core.errors import SetupError, unknown_name
+from mild_core.parameters import parameters_of
 from mild_core.resources import share_folder
 from mild_core.yaml_budget import check_yaml
 from mild_ros.node_kit.parameters import from_values
@@ -60,7 +60,7 @@ def read_parameters(
 
 def changed(parameters: Any) -> dict[str, Any]:
     """The parameters that are not as by default, for the command line of a node."""
-    pairs = [(entry, getattr(parameters, entry.name)) for entry in fields(parameters)]
+    pairs = [(entry, getattr(parameters, entry.name)) for entry in parameters_of(type(parameters))]
     return {entry.name: value for entry, value in pairs if value != entry.default}
 
 

@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One frozen dataclass is the only place where a node's parameters are written down.
+"""A node's parameters are the fields of one frozen dataclass: see `mild_core/parameters.py`.
 
-From its fields come the declared ROS parameters, their descriptors, the refusal of a wrong value in one line, and
+From them come the declared ROS parameters, their descriptors, the refusal of a wrong value in one line, and
 the table in docs/reference.md. Every parameter is read-only: a node is set up once, and started again to be changed.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import MISSING, Field, dataclass, field, fields
+from dataclasses import MISSING, Field
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from mild_core.errors import SetupError, unknown_name
+from mild_core.errors import unknown_name
+from mild_core.parameters import about, checked, parameters_of
 
 if TYPE_CHECKING:
     from rcl_interfaces.msg import ParameterDescriptor
@@ -20,61 +20,8 @@ if TYPE_CHECKING:
 
 Parameters = TypeVar("Parameters")
 
-KINDS: Mapping[type, str] = {
-    bool: "true or false",
-    int: "a whole number",
-    float: "a number",
-    str: "a text",
-    tuple: "a list",
-}
-"""What to give for a parameter, by its type."""
-
 OF_ROS = ("use_sim_time", "start_type_description_service")
 """Parameters that every ROS node has."""
-
-
-@dataclass(frozen=True)
-class About:
-    """What a parameter means beside its name, type and default.
-
-    Attributes:
-        text: One sentence for the operator.
-        unit: Unit of the number, "" when it has none.
-        minimum: Least value allowed, None for none.
-        maximum: Greatest value allowed, None for none.
-        choices: The only texts allowed, empty for any.
-    """
-
-    text: str
-    unit: str = ""
-    minimum: float | None = None
-    maximum: float | None = None
-    choices: tuple[str, ...] = ()
-
-    def range_text(self) -> str:
-        """The range as people write it, "" when there is none."""
-        if self.choices:
-            return ", ".join(f"`{choice}`" for choice in self.choices)
-        if self.minimum is None and self.maximum is None:
-            return ""
-        low = "" if self.minimum is None else f"{self.minimum:g}"
-        high = "" if self.maximum is None else f"{self.maximum:g}"
-        return f"{low} … {high}"
-
-
-def parameter(default: Any, text: str, **about: Any) -> Any:
-    """A field of a dataclass of parameters; `about` are the fields of `About`.
-
-    The default's type is the parameter's: a whole number given for a float is taken as one.
-    """
-    return field(default=default, metadata={"about": About(text, **about)})
-
-
-def about(entry: Field[Any]) -> About:
-    """What is known of one parameter."""
-    found = entry.metadata["about"]
-    assert isinstance(found, About)
-    return found
 
 
 def from_values(kind: type[Parameters], given: Mapping[str, Any]) -> Parameters:
@@ -83,11 +30,11 @@ def from_values(kind: type[Parameters], given: Mapping[str, Any]) -> Parameters:
     Raises:
         SetupError: For a name that is unknown, or a value of the wrong type or out of range.
     """
-    known = {entry.name: entry for entry in fields(kind)}  # type: ignore[arg-type]
+    known = {entry.name: entry for entry in parameters_of(kind)}
     for name in given:
         if name not in known:
             raise unknown_name("parameter", name, [*known, OF_ROS[0]])
-    return kind(**{name: _checked(known[name], value) for name, value in given.items()})
+    return kind(**{name: checked(known[name], value, f"parameter {name}") for name, value in given.items()})
 
 
 def declare(node: Node, kind: type[Parameters]) -> Parameters:
@@ -104,7 +51,7 @@ def declare(node: Node, kind: type[Parameters]) -> Parameters:
         if name not in OF_ROS and not name.startswith("qos_overrides.")
     }
     parameters = from_values(kind, given)
-    for entry in fields(kind):  # type: ignore[arg-type]
+    for entry in parameters_of(kind):
         value = getattr(parameters, entry.name)
         value = list(value) if isinstance(value, tuple) else value
         node.declare_parameter(entry.name, value, _descriptor(entry), ignore_override=True)
@@ -147,7 +94,7 @@ def _without_negative(on_clock: Callable[[Any], None]) -> Callable[[Any], None]:
 def table_markdown(kind: type[Any]) -> str:
     """The parameters as a Markdown table for docs/reference.md."""
     lines = ["| Parameter | Default | Unit | Range | Meaning |", "|---|---|---|---|---|"]
-    for entry in fields(kind):
+    for entry in parameters_of(kind):
         facts = about(entry)
         cells = (f"`{entry.name}`", _default_text(entry), facts.unit, facts.range_text(), facts.text)
         lines.append("| " + " | ".join(cells) + " |")
@@ -157,7 +104,7 @@ def table_markdown(kind: type[Any]) -> str:
 def help_text(kind: type[Any]) -> str:
     """The parameters as plain lines for a terminal."""
     lines = []
-    for entry in fields(kind):
+    for entry in parameters_of(kind):
         facts = about(entry)
         extent = facts.range_text().replace("`", "")
         bounds = f" [{extent}{' ' + facts.unit if facts.unit else ''}]" if extent or facts.unit else ""
@@ -172,37 +119,6 @@ def _default_text(entry: Field[Any]) -> str:
     if isinstance(entry.default, tuple):
         return f"`[{', '.join(entry.default)}]`"
     return f"`{entry.default}`" if entry.default != "" else '`""`'
-
-
-def _checked(entry: Field[Any], value: Any) -> Any:
-    """The value in the parameter's type and range."""
-    thing, facts = f"parameter {entry.name}", about(entry)
-    wanted: type[Any] = type(entry.default)
-    if wanted is float and type(value) is int:
-        value = float(value)
-    if wanted is tuple and (value == [] or isinstance(value, list | tuple)):
-        value = tuple(value)
-        if not all(isinstance(item, str) for item in value):
-            raise SetupError(thing, f"is {list(value)}", "give a list of texts, e.g. [shoulder, elbow]")
-    if value is None or (value == [] and wanted is not tuple):  # NAME:= and no more
-        if wanted is str and entry.default == "":
-            return ""
-        raise SetupError(thing, "is empty", f"give {KINDS[wanted]}, or leave it out")
-    if type(value) is not wanted:
-        hint = "; in YAML put quotes around it" if wanted is str else ""
-        raise SetupError(thing, f"is {value!r} ({type(value).__name__})", f"give {KINDS[wanted]}{hint}")
-    if facts.choices and value not in facts.choices:
-        raise unknown_name(thing, value, facts.choices)
-    if wanted in (int, float) and not _within(value, facts.minimum, facts.maximum):
-        unit = f" {facts.unit}" if facts.unit else ""
-        raise SetupError(thing, f"is {value:g}{unit}", f"give a value in {facts.range_text() or 'the reals'}{unit}")
-    return value
-
-
-def _within(value: float, minimum: float | None, maximum: float | None) -> bool:
-    low = -math.inf if minimum is None else minimum
-    high = math.inf if maximum is None else maximum
-    return math.isfinite(value) and low <= value <= high
 
 
 def _plain(value: Any) -> Any:

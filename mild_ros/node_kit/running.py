@@ -16,7 +16,6 @@ import sys
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import fields
 from types import FrameType
 from typing import Any
 
@@ -28,6 +27,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from mild_core.errors import SetupError
+from mild_core.parameters import parameters_of
 from mild_core.printable import printable_lines
 from mild_ros.node_kit.dds_variables import domain_id, problems, refuse_what_cannot_start, why_alone
 from mild_ros.node_kit.parameters import help_text
@@ -68,7 +68,7 @@ def run(name: str, make_node: Callable[[], Node], parameters: type[Any]) -> int:
         print(help_text(parameters))
         return 0
     with _Interruption() as interruption:
-        code = _run(name, make_node, interruption, tuple(entry.name for entry in fields(parameters)))
+        code = _run(name, make_node, interruption, tuple(entry.name for entry in parameters_of(parameters)))
     sys.stdout.flush()
     sys.stderr.flush()
     # Everything is closed. To take the interpreter and its compiled libraries down would need another 0.6 s.

@@ -15,7 +15,7 @@ from test.habits.tree import ROOT, Import, imports, is_under, plant, python_file
 FOUNDATION = (
     *("mild_core.signals", "mild_core.shapes", "mild_core.errors", "mild_core.compiled", "mild_core.fields"),
     *("mild_core.budgets", "mild_core.yaml_budget"),
-    *("mild_core.joint_measurements", "mild_core.printable"),
+    *("mild_core.joint_measurements", "mild_core.parameters", "mild_core.printable"),
 )
 STAGES = ("mild_core.perception", "mild_core.inference", "mild_core.retargeting")
 NUMERICS = ("numpy", "numba", "ruckig", "safetensors")
@@ -43,6 +43,7 @@ LAWS = (
     Law("mild_core/printable.py", (), ()),
     Law("mild_core/errors.py", FOUNDATION, ("numpy",)),
     Law("mild_core/fields.py", FOUNDATION, ()),
+    Law("mild_core/parameters.py", FOUNDATION, ()),
     Law("mild_core/budgets.py", FOUNDATION, ("numpy",)),
     Law("mild_core/yaml_budget.py", (), ("yaml",)),
     Law("mild_core/compiled.py", (), ("numba",)),

@@ -654,7 +654,7 @@ FAULTS = (
     Fault(
         "nothing is a type",
         "A parameter without a value is called by Python's name of nothing.",
-        "mild_ros/node_kit/parameters.py",
+        "mild_core/parameters.py",
         "if value is None or (value == [] and wanted is not tuple):",
         "if value == [] and wanted is not tuple:",
         ARGUMENTS,

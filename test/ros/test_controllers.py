@@ -285,10 +285,10 @@ def test_retargeting_made_from_parameters_knows_of_the_delay() -> None:
     parameters = PipelineParameters(outputs=("joint_trajectory",), max_expected_latency_s=0.2)
     stage = make_retargeting(parameters, manifest_of(parameters.model))
     assert stage.settings.execution_delay_s == pytest.approx(0.26)
-    assert stage.settings.look_ahead_s == pytest.approx(parameters.look_ahead_s + 0.26), "the person where they will be"
+    assert stage.settings.ahead_s == pytest.approx(parameters.look_ahead_s + 0.26), "the person where they will be"
     plain = make_retargeting(PipelineParameters(), manifest_of(parameters.model))
     assert plain.settings.execution_delay_s == 0.0
-    assert plain.settings.look_ahead_s == parameters.look_ahead_s
+    assert plain.settings.ahead_s == parameters.look_ahead_s
 
 
 def test_bare_positions_and_angles_come_as_often_as_their_controllers_take_them() -> None:

@@ -10,8 +10,11 @@ import rclpy
 from rclpy.parameter import Parameter
 
 from mild_core.errors import SetupError
+from mild_core.parameters import about, check, chosen, parameter, parameters_of
+from mild_core.perception.settings import TrackingSettings
+from mild_core.retargeting.settings import RetargetingSettings
 from mild_ros.assembly.settings import NODES, PipelineParameters, RetargetingParameters
-from mild_ros.node_kit.parameters import about, declare, from_values, help_text, parameter, table_markdown
+from mild_ros.node_kit.parameters import declare, from_values, help_text, table_markdown
 
 
 @dataclass(frozen=True)
@@ -103,8 +106,8 @@ def test_the_table_holds_every_fact():
 @pytest.mark.parametrize("name", NODES)
 def test_every_parameter_of_ours_is_explained_and_its_default_allowed(name):
     kind = NODES[name]
-    from_values(kind, {entry.name: entry.default for entry in fields(kind)})
-    for entry in fields(kind):
+    from_values(kind, {entry.name: entry.default for entry in parameters_of(kind)})
+    for entry in parameters_of(kind):
         assert about(entry).text.endswith("."), entry.name
         if isinstance(entry.default, float):
             assert about(entry).range_text(), f"{entry.name} has no range"
@@ -114,3 +117,34 @@ def test_the_pipeline_takes_what_the_stages_take():
     assert {entry.name for entry in fields(PipelineParameters)} >= {
         entry.name for entry in fields(RetargetingParameters)
     }
+
+
+def test_a_stage_gets_what_its_node_was_given(node_with):
+    given = {"keep_out_m": 0.1, "ik": "only", "interaction_s": 12, "max_gap_s": 0.25}
+    parameters = from_values(PipelineParameters, given)
+    settings = chosen(RetargetingSettings, parameters, execution_delay_s=0.16)
+    assert (settings.keep_out_m, settings.ik, settings.interaction_s) == (0.1, "only", 12.0)
+    assert (settings.execution_delay_s, settings.near_m) == (0.16, RetargetingSettings.near_m)
+    assert chosen(TrackingSettings, parameters).max_gap_s == 0.25
+
+
+@pytest.mark.parametrize(("name", "value"), [("near_m", 0.5), ("execution_delay_s", 0.1), ("bone_tolerance", 0.2)])
+def test_what_only_programs_set_is_no_parameter(name, value):
+    assert hasattr(PipelineParameters(), name)
+    with pytest.raises(SetupError, match=f"'{name}' is unknown"):
+        from_values(PipelineParameters, {name: value})
+    assert name not in help_text(PipelineParameters)
+
+
+@pytest.mark.parametrize(
+    ("kind", "given"),
+    [
+        (RetargetingSettings, {"keep_out_m": -0.1}),
+        (RetargetingSettings, {"near_m": float("nan")}),
+        (RetargetingSettings, {"ik": "maybe"}),
+        (TrackingSettings, {"forget_s": 0.0}),
+    ],
+)
+def test_settings_made_without_ros_are_held_to_the_same_ranges(kind, given):
+    with pytest.raises(SetupError, match=next(iter(given))):
+        check(kind(**given))

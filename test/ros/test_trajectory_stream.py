@@ -280,7 +280,7 @@ def test_the_model_sees_what_would_harm(harm: Callable[[Sent], Sent], setting: S
 
 
 def stage_of(**given: Any) -> Retargeting:
-    settings = RetargetingSettings(execution_delay_s=DELAY_S, look_ahead_s=0.045 + DELAY_S, **given)
+    settings = RetargetingSettings(execution_delay_s=DELAY_S, **given)
     return Retargeting(YUMI, settings)
 
 

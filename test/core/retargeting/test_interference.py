@@ -40,7 +40,7 @@ def test_disabling_stops_smoothly_and_falls_silent_and_enabling_starts_where_the
 
 
 def test_it_can_start_disabled() -> None:
-    run = Run(RetargetingSettings(start_enabled=False))
+    run = Run(RetargetingSettings(enabled=False))
     run.wait(0.5, AWAY)
     assert run.commands == []
     run.give(Request("enable"))
