@@ -57,5 +57,6 @@ BENCHES = {
     "soak": Bench("Random people, interactions and faults for half an hour of simulated time: limits and memory.", 4),
     "speed_near_people": Bench("Speed of every link near people, over a million ticks.", 30),
     "step_latency": Bench("Latency of one step of inference.", 0.5),
+    "walkers": Bench("Distances of people who walk through a greeting at random, by the same judge.", 8),
 }
 """The name of each is the name of its module in this package."""

@@ -464,7 +464,7 @@ def episode(seed: int, seconds: float, moving: bool) -> tuple[Commands, Shown]:
     """What the robot is commanded, and the people."""
     rng = np.random.default_rng(seed)
     settings = RetargetingSettings(
-        ik=rng.choice(["off", "blend", "only"]),
+        ik=str(rng.choice(["off", "blend", "only"])),
         ramp_velocity_rad_s=float(rng.choice([1.0, 4.0, 10.0])),
         start_watch_s=0.0,
         start_evidence=0.0,
