@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from test.bench.around_people.bodies import Person, path
+from mild_ros.benchmark.bodies import Person, path
 from test.bench.around_people.judge import Judgement, judge
 from test.bench.around_people.run import Expectation, Setting, play
 from test.bench.around_people.scenes import PEPPER, PEPPER_SHOULDER_M, at_work, bystander, gesture, standing
