@@ -7,6 +7,7 @@ with `python -m tools.documentation docs/reference.md ...`.
 
 from __future__ import annotations
 
+import json
 import re
 import sys
 from collections.abc import Callable, Sequence
@@ -222,6 +223,26 @@ def _arm_numbers(source: SkeletonSource) -> str:
     return "; ".join(", ".join(str(of[name]) for name in arm if name in of) for of in numbers)
 
 
+def benchmark_markdown() -> str:
+    """What `mild benchmark` said of each robot, from the objects in docs/benchmark."""
+    columns = ("Robot", "Model", "Interaction", "Encounters", "Success", "Offers reachable", "Of these met")
+    columns += ("Met after, median / 90 %", "Hands apart, median", "Not safe", "False starts")
+    lines = ["| " + " | ".join(columns) + " |", "|---" * len(columns) + "|"]
+    for path in sorted((Path(__file__).parent.parent / "docs" / "benchmark").glob("*.json")):
+        found = json.loads(path.read_text())
+        shares = []
+        for name in ("success", "reachable", "met_reachable", "violations", "false_starts"):
+            one = found[name]
+            between = f"{100 * one['low']:.0f} to {100 * one['high']:.0f}"
+            shares.append(f"{100 * one['share']:.1f} % ({between})" if one["count"] else "")
+        waits, apart = found["met_after_s"], found["median_distance_m"]
+        waited = "" if waits["median"] is None else f"{waits['median']:.2f} / {waits['90 %']:.2f} s"
+        cells = [Path(found["robot"]).stem, f"`{found['model']}`", found["interaction"], str(found["encounters"])]
+        cells += [*shares[:3], waited, "" if apart is None else f"{100 * apart:.1f} cm", *shares[3:]]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
 SECTIONS: dict[str, Callable[[], str]] = {
     "topics": topics_markdown,
     "parameters": parameters_markdown,
@@ -230,6 +251,7 @@ SECTIONS: dict[str, Callable[[], str]] = {
     "qualities": qualities_markdown,
     "cut": partial(table_markdown, CutParameters),
     "bag_faults": bag_faults_markdown,
+    "benchmark": benchmark_markdown,
 }
 """What may stand between the marks, by name."""
 
