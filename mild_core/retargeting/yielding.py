@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mild_core.retargeting.evasion import Evasion, Refuge
-from mild_core.retargeting.guard import PACE, Guard, PoseEvaluation
+from mild_core.retargeting.guard import PACE, SLOWING_S, Guard, PoseEvaluation
 from mild_core.retargeting.limiter import Joints
 from mild_core.retargeting.obstacles import Obstacles
 from mild_core.retargeting.robot_model.inverse_kinematics import VelocityProgram
@@ -99,7 +99,7 @@ class Yielding:
             return None, None
         rows, clear, coming, which = self.guard.rows_away(at, among, self._widest(among) + HEEDED_M)
         places = which.astype(int)
-        least = self._speeds(clear, coming, among, places)
+        least = np.maximum(self._speeds(clear, coming, among, places), -self._allowed(clear, coming, among, places))
         heeded = np.linalg.norm(rows, axis=1) > LEAST_LEVER_M
         rows, least = rows[heeded], least[heeded]
         if walking is None and (not len(least) or least.max() < LEAST_M_S):
@@ -140,6 +140,15 @@ class Yielding:
         coming = np.where(places == among.offered, 0.0, np.maximum(coming_m_s, 0.0))
         speeds: FloatArray = np.minimum(coming - (clear_m - keep) / DAMPER_S, FASTEST_M_S)
         return np.where(np.isfinite(keep), speeds, -FASTEST_M_S)
+
+    def _allowed(
+        self, clear_m: FloatArray, coming_m_s: FloatArray, among: Obstacles, places: NDArray[np.integer]
+    ) -> FloatArray:
+        """Greatest speeds towards segments at these places that the guard allows near people."""
+        beyond_m = np.maximum(clear_m - among.zones_m[places], 0.0)
+        near_m_s = PACE * self.settings.near_speed_m_s
+        allowed: FloatArray = np.maximum(near_m_s - np.maximum(coming_m_s, 0.0), 0.0) + beyond_m / SLOWING_S
+        return allowed
 
     def _widest(self, among: Obstacles) -> float:
         finite = among.keep_m[np.isfinite(among.keep_m)]

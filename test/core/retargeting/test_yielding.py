@@ -3,10 +3,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from mild_core.retargeting.evasion import COLLIDES, LOOKED_AT, Evasion
+from mild_core.retargeting.evasion import (
+    AHEAD_S,
+    BETTER,
+    BETTER_VARIED,
+    COLLIDES,
+    KINDS,
+    LOOKED_AT,
+    LOOKS,
+    PER_S_M2,
+    REACTS_S,
+    SLIGHT_M2_S,
+    Evasion,
+    Refuge,
+)
 from mild_core.retargeting.guard import PACE, Guard
 from mild_core.retargeting.limiter import JointMotion
 from mild_core.retargeting.obstacles import NO_ONE, Obstacles
@@ -141,6 +156,11 @@ def test_the_way_is_made_for_where_a_bystander_is_going_and_not_for_a_swinging_a
     standing = Obstacles((1, 1), ("trunk", "left_forearm"), *both)
     assert EVASION.walking(standing) is None
     assert EVASION.walking(still) is None
+    assert EVASION.walking(passing(speed_m_s=0.1)) is None, "who shifts about walks nowhere"
+    shifting = [np.concatenate([getattr(each, name) for each in (walker, passing(speed_m_s=0.1))]) for name in FIELDS]
+    among = EVASION.walking(Obstacles((1, 2), ("trunk", "trunk"), *shifting))
+    assert among is not None
+    assert among.velocities_m_s.any(axis=(1, 2)).tolist() == [True, False], "nor beside who does"
     here = GUARD.here(JointMotion.at_rest(HOME), walker)
     rates, refuge = YIELDING.retreat(HOME, HOME, HOME, here, walker, None, meets_watched=False)
     assert rates is not None
@@ -175,10 +195,15 @@ def test_the_refuge_is_out_of_the_way_of_who_walks_through_the_stretched_arm(rob
         stays, goes = (evasion.in_the_way(at, to, walking) for to in (at, np.array(refuge.posture_rad)))
         assert goes <= stays
         assert goes < COLLIDES
+        table = min(evasion.in_the_way(at, to, walking) for to in evasion.postures_rad)
+        assert BETTER * goes <= table + SLIGHT_M2_S + PER_S_M2 * AHEAD_S
         better += goes < 0.2 * stays
         kept = evasion.refuge(at, walking, refuge)
         assert kept.turn == refuge.turn + LOOKED_AT
         assert evasion.in_the_way(at, np.array(kept.posture_rad), walking) <= goes
+        if kept.posture_rad != refuge.posture_rad:
+            least = BETTER_VARIED * cost_of(evasion, at, refuge, walking) - SLIGHT_M2_S
+            assert cost_of(evasion, at, kept, walking) < least, "it changes for what is clearly better alone"
         lasts_s = evasion.duration_s(at, np.array(refuge.posture_rad))
         rate = (np.array(refuge.posture_rad) - at) / lasts_s
         assert (np.abs(rate) <= robot.velocity_rad_s + 1e-9).all()
@@ -187,6 +212,26 @@ def test_the_refuge_is_out_of_the_way_of_who_walks_through_the_stretched_arm(rob
 
 
 AHEAD = np.array([0.0, 1.0, 0.0])
+
+
+def cost_of(evasion: Evasion, at: np.ndarray, refuge: Refuge, walking: Obstacles) -> float:
+    """How much a refuge is in the way, with its time."""
+    to = np.array(refuge.posture_rad)
+    return evasion.in_the_way(at, to, walking) + PER_S_M2 * evasion.duration_s(at, to)
+
+
+def test_of_refuges_that_are_out_of_the_way_the_arm_goes_to_a_near_one() -> None:
+    walking = EVASION.walking(walks_past(chain_of(YUMI).tool(REACHED_OUT), 0.75, 0.5, 0.1))
+    assert walking is not None
+    found = EVASION.refuge(REACHED_OUT, walking, None)
+    for _ in range(20):
+        found = EVASION.refuge(REACHED_OUT, walking, found)
+    to = np.array(found.posture_rad)
+    free = [to for to in EVASION.postures_rad if EVASION.in_the_way(REACHED_OUT, to, walking) == 0.0]
+    assert EVASION.in_the_way(REACHED_OUT, to, walking) < 1e-5
+    assert free
+    nearest_s = min(EVASION.duration_s(REACHED_OUT, each) for each in free)
+    assert EVASION.duration_s(REACHED_OUT, to) < 0.9 * nearest_s
 
 
 def test_a_way_through_the_robot_itself_is_no_way() -> None:
@@ -201,3 +246,77 @@ def test_a_way_through_the_robot_itself_is_no_way() -> None:
         elif GUARD.own_clearance_m(way).min() > 0.01:
             assert EVASION.in_the_way(YUMI.home_rad, to, walking) < COLLIDES
     assert through >= 1
+
+
+REACHED_OUT = YUMI.home_rad + np.array([-0.3, 0.6, 0.9, -1.2, 0.0, 0.4, 0.0])
+"""A posture with the hand high, half a metre before the robot and far to the right."""
+
+
+def walks_past(hand_m: np.ndarray, from_m: float, speed_m_s: float, radius_m: float = 0.15) -> Obstacles:
+    """A trunk that walks along the robot's front to where a hand is, from so far beside it."""
+    start, way = hand_m - from_m * AHEAD, np.tile(speed_m_s * AHEAD, (1, 2, 1))
+    ends = np.array([[start - 0.2 * UP, start + 0.2 * UP]])
+    return Obstacles((1,), ("trunk",), ends, way, np.array([radius_m]), np.array([0.05]), np.array([0.35]))
+
+
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def test_way_is_made_where_the_arm_is_going_before_it_is_there() -> None:
+    goal = REACHED_OUT
+    hand = chain_of(YUMI).tool(goal)
+    assert hand[0] - TOOL_M[0] > 0.25
+    walking = EVASION.walking(walks_past(hand, 0.8, 0.5, 0.1))
+    assert walking is not None
+    assert not EVASION.threatens(YUMI.home_rad, YUMI.home_rad, walking, False)
+    assert EVASION.threatens(YUMI.home_rad, goal, walking, False)
+    soon = EVASION.walking(walks_past(hand, 0.5, 1.0, 0.1))
+    assert soon is not None
+    assert not EVASION.threatens(YUMI.home_rad, YUMI.home_rad, soon, False)
+    assert EVASION.threatens(goal, goal, soon, False), "and where it is"
+
+
+def test_an_arm_needs_time_to_set_off() -> None:
+    look_s = AHEAD_S / LOOKS
+    assert 0.5 * look_s < REACTS_S
+    hand, away = chain_of(YUMI).tool(REACHED_OUT), chain_of(YUMI).tool(YUMI.home_rad)
+    assert np.linalg.norm(hand - away) > 0.2
+    at_once = walks_past(hand, 10.0 * look_s, 10.0, 0.05)
+    walking = EVASION.walking(at_once)
+    assert walking is not None
+    stays, goes = (EVASION.in_the_way(REACHED_OUT, to, walking) for to in (REACHED_OUT, YUMI.home_rad))
+    assert goes > 0.6 * stays > 0.0
+
+
+@pytest.mark.parametrize("speed_m_s", [0.0, 1.0])
+def test_on_a_way_towards_who_comes_fast_the_arm_waits(speed_m_s: float) -> None:
+    comes = walks_past(chain_of(YUMI).tool(REACHED_OUT), 0.45, speed_m_s, 0.1)
+    for_no_one, longer = replace(comes, zones_m=np.array([-1.0])), 0
+    for to in EVASION.postures_rad:
+        waiting, going = (EVASION.in_the_way(REACHED_OUT, to, each) for each in (comes, for_no_one))
+        longer += waiting > 1.2 * going + 1e-5
+        assert speed_m_s or waiting == going
+    assert (longer > 2) is (speed_m_s > 0.0)
+
+
+def test_from_who_walks_fast_a_stretched_arm_is_drawn_straight_back() -> None:
+    hand, better = chain_of(YUMI).tool(REACHED_OUT) - np.array([0.1, 0.0, 0.0]), []
+    for speed_m_s in (0.8, 1.0):
+        walking = EVASION.walking(walks_past(hand, 0.8, speed_m_s))
+        assert walking is not None
+        refuge = EVASION.refuge(REACHED_OUT, walking, None)
+        assert refuge.turn == KINDS * len(EVASION.postures_rad)
+        goes = EVASION.in_the_way(REACHED_OUT, np.array(refuge.posture_rad), walking)
+        better.append(goes / min(EVASION.in_the_way(REACHED_OUT, to, walking) for to in EVASION.postures_rad))
+    assert max(better) < 0.15
+
+
+def test_nothing_that_gives_way_comes_faster_towards_a_person_than_the_guard_allows() -> None:
+    comes = walks_past(TOOL_M, 0.6, 0.6)
+    rates = retreat(comes)
+    assert rates is not None
+    rows, clear, coming, _ = GUARD.rows_away(YUMI.home_rad, comes, 0.5)
+    near = (clear < 0.35) & (np.linalg.norm(rows, axis=1) > 0.1)
+    assert near.any()
+    allowed = np.maximum(PACE * SETTINGS.near_speed_m_s - coming[near], 0.0)
+    assert (rows[near] @ rates + allowed).min() > -0.01
