@@ -105,14 +105,16 @@ def demonstrations(
 
 def _settings(config: Path | None, given: dict[str, str]) -> DemonstrationSettings:
     """The settings of the file, under what the options say."""
+    from mild_core.parameters import parameters_of
     from mild_ros.demonstrations.settings import RobotParameters, read_settings
     from mild_ros.node_kit.parameters import from_values
 
     settings = read_settings(config)
     named = {name: given[name] for name in ("source", "topic") if given[name]}
     if named:
-        person = vars(settings.person) | named
-        settings = replace(settings, person=from_values(type(settings.person), person))
+        kind = type(settings.person)
+        person = {entry.name: getattr(settings.person, entry.name) for entry in parameters_of(kind)} | named
+        settings = replace(settings, person=from_values(kind, person))
     if given["robot"]:
         settings = replace(settings, robot=replace(settings.robot or RobotParameters(), robot=given["robot"]))
     if given["partner"]:
