@@ -115,6 +115,7 @@ def test_every_interaction_becomes_a_trial_and_nothing_of_it_is_changed(
         assert np.linalg.norm(arm[:, 2] - arm[0, 2], axis=1)[: moving[0]].max() < 0.05
 
 
+@pytest.mark.heavy
 def test_the_model_of_these_trials_beats_the_means_on_trials_that_it_has_not_seen(folder: Path, capsys) -> None:
     (folder / "train.toml").write_text(TINY)
     assert run("train", "--config", str(folder / "train.toml"), "--out", str(folder / "model")) == 0

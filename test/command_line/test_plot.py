@@ -139,6 +139,7 @@ def test_the_error_over_the_window_adds_up_to_the_error_of_the_tables(model, dat
     np.testing.assert_allclose([times_s[0], times_s[-1]], [0.025, 1.0])
 
 
+@pytest.mark.heavy
 def test_buetepages_error_over_the_window_is_of_the_same_held_out_trials(quick, data, work, monkeypatch):
     monkeypatch.chdir(work)
     seen = watched(str(quick), data, fold=1)

@@ -120,6 +120,7 @@ def test_no_network_is_one_line(tmp_path: Path) -> None:
     assert not (tmp_path / "trace").exists()
 
 
+@pytest.mark.heavy
 @pytest.mark.slow
 def test_a_fresh_clone_sets_itself_up(clone: Path) -> None:
     """One call is killed half way. Then two at once: one does all the work again, the other waits; a third is quick."""

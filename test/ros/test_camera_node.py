@@ -80,6 +80,7 @@ class Scene(Surroundings):
         self.probe.until(look, what, LONGEST_S)
 
 
+@pytest.mark.heavy
 @pytest.mark.slow
 def test_an_arm_that_is_moved_by_hand_shows_where_the_camera_is(
     start: Callable[..., NodeProcess], probe: Probe, tmp_path: Path
