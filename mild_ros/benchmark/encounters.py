@@ -35,6 +35,9 @@ WAITS_S, CONTACT_S, RETURN_S, EARLY_RETURN_S = 3.0, 2.0, 0.75, 0.45
 AFTERWARDS_S = 9.0
 """The robot has so long to go home."""
 
+BEFORE_ARM_M = 0.25
+"""The middle of a person's trunk is so far beyond the waiting arm at least."""
+
 FLOOR_M = -0.85
 """Height of the floor where the robot does not know it: it stands on a table."""
 
@@ -149,11 +152,13 @@ class Stage:
         shoulder_m: (3,) of its first joint in its base frame.
         reach_m: How far its tool comes from there.
         floor_m: Height of the floor.
+        home_m: How far ahead of there or aside the tool waits: no person comes to stand in the arm.
     """
 
     shoulder_m: tuple[float, float, float]
     reach_m: float
     floor_m: float = FLOOR_M
+    home_m: float = 0.0
 
 
 def draw(seed: int, stage: Stage) -> Encounter:
@@ -167,7 +172,11 @@ def draw(seed: int, stage: Stage) -> Encounter:
     side = "left" if rng.random() < 0.3 else "right"
     sign = 1.0 if side == "left" else -1.0
     most_m = min(1.2, 0.85 * (stage.reach_m + sum(sizes.arm_m)))
-    away_m, bearing = float(rng.uniform(0.5, most_m)), float(rng.uniform(-math.pi / 4, math.pi / 4))
+    least_m = max(0.5, stage.home_m + BEFORE_ARM_M)
+    away_m, bearing = (
+        float(rng.uniform(least_m, max(most_m, least_m + 0.1))),
+        float(rng.uniform(-math.pi / 4, math.pi / 4)),
+    )
     x, y = np.array(stage.shoulder_m[:2]) + away_m * np.array([math.cos(bearing), math.sin(bearing)])
     facing = math.atan2(stage.shoulder_m[1] - y, stage.shoulder_m[0] - x) + float(rng.uniform(-0.15, 0.15))
     person = Person(sizes, path((0.0, (x, y, facing))), *_arms(rng), floor_m=stage.floor_m, offers=side)

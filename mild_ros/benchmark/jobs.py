@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import multiprocessing
 import os
 from collections.abc import Iterator, Sequence
@@ -68,7 +69,9 @@ def stage_for(name: str) -> Stage:
         SetupError: There is no such robot, or its file is wrong.
     """
     robot, measured = _robot(name)
-    return Stage(measured.shoulder_m, measured.reach_m, FLOOR_M if robot.floor_m is None else robot.floor_m)
+    floor_m = FLOOR_M if robot.floor_m is None else robot.floor_m
+    home_m = math.dist(measured.tool_m(robot.home_rad)[:2], measured.shoulder_m[:2])
+    return Stage(measured.shoulder_m, measured.reach_m, floor_m, home_m)
 
 
 def play(job: EncounterJob) -> tuple[Encounter, Trace]:
